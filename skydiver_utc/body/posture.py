@@ -1,0 +1,107 @@
+"""From joint angles to where each segment is, and the inertia of the whole.
+
+Joint rotations are intrinsic: flexion about the mediolateral axis, then abduction about the
+anteroposterior axis, then internal rotation about the long axis, each in the turned axes (the order of
+the ISB recommendation for hip, knee, ankle and elbow; used for the shoulder too, because the ISB shoulder
+sequence is singular at the zero pose).
+Positive: flexion moves the distal end ventrally (knee: dorsally; trunk and neck: bend forward),
+abduction moves it away from the midline, internal rotation turns its ventral face to the midline.
+On the midline abduction is a bend to the left and rotation a turn to the left.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.body.segments import JOINTS, SEGMENTS, Body
+from skydiver_utc.parameters import MovementPattern, ParameterError, Posture
+
+Array = NDArray[np.float64]
+ANGLES = ("flexion", "abduction", "rotation")
+
+
+def _rotation_signs() -> Array:
+    """Signs (15, 3) that turn flexion, abduction, rotation into angles about the body's y, z, x."""
+    signs = []
+    for segment in SEGMENTS[1:]:
+        if segment.side == 0:
+            signs.append((1.0, 1.0, 1.0))
+        else:
+            flexion = 1.0 if segment.kind == "shank" else -1.0
+            signs.append((flexion, -segment.side, -segment.side))
+    return np.array(signs)
+
+
+_SIGNS = _rotation_signs()
+
+
+@dataclass(frozen=True, eq=False)
+class Configuration:
+    """A body in a posture, in the body frame (pelvis axes, origin at the centre of mass).
+
+    centre (16, 3) centres of mass of the segments [m]; rotation (16, 3, 3) segment to body;
+    inertia (3, 3) about the centre of mass [kg m2]; proximal (16, 3) proximal joints [m];
+    centre_of_mass (3,) from mid hip in pelvis axes [m].
+    """
+
+    centre: Array
+    rotation: Array
+    inertia: Array
+    proximal: Array
+    centre_of_mass: Array
+
+
+def posture_angles(posture: Posture) -> Array:
+    """Joint angles (15, 3) in rad of a posture, in the order of `JOINTS`."""
+    return np.deg2rad(_joint_rows(posture.joint_angles_deg, f"posture {posture.name}"))
+
+
+def pattern_direction(pattern: MovementPattern) -> Array:
+    """Unit direction (15, 3) of a movement pattern, in the order of `JOINTS`."""
+    return _joint_rows(pattern.components, f"pattern {pattern.name}")
+
+
+def joint_angle_names() -> tuple[str, ...]:
+    """Names of the 45 joint angles, row by row: left_shoulder_flexion, ..."""
+    return tuple(f"{joint}_{angle}" for joint in JOINTS for angle in ANGLES)
+
+
+def _joint_rows(rows: dict[str, tuple[float, float, float]], what: str) -> Array:
+    unknown = sorted(set(rows) - set(JOINTS))
+    if unknown:
+        raise ParameterError(f"{what} names unknown joints {', '.join(unknown)}: choose from {', '.join(JOINTS)}")
+    return np.array([rows.get(joint, (0.0, 0.0, 0.0)) for joint in JOINTS])
+
+
+def configuration(body: Body, angles: Array) -> Configuration:
+    """Place the segments for joint angles (15, 3) in rad."""
+    joint_rotation = _euler_yzx(angles * _SIGNS)
+    rotation = np.empty((16, 3, 3))
+    proximal = np.zeros((16, 3))
+    rotation[0] = np.eye(3)
+    for i in range(1, 16):
+        parent = body.parent[i]
+        rotation[i] = rotation[parent] @ joint_rotation[i - 1]
+        proximal[i] = proximal[parent] + rotation[parent] @ body.joint[i]
+    centre = proximal + np.einsum("ijk,ik->ij", rotation, body.centre)
+    centre_of_mass = body.mass @ centre / body.mass.sum()
+    centre -= centre_of_mass
+    proximal -= centre_of_mass
+    own = np.einsum("ijk,ik,ilk->jl", rotation, body.inertia, rotation)
+    square = np.einsum("i,ij,ij->", body.mass, centre, centre)
+    inertia = own + square * np.eye(3) - np.einsum("i,ij,ik->jk", body.mass, centre, centre)
+    return Configuration(centre, rotation, inertia, proximal, centre_of_mass)
+
+
+def _euler_yzx(angles: Array) -> Array:
+    """Rotations (n, 3, 3) about y, then the turned z, then the turned x, for angles (n, 3) in rad."""
+    (cy, cz, cx), (sy, sz, sx) = np.cos(angles).T, np.sin(angles).T
+    return np.stack(
+        [
+            np.stack([cy * cz, sy * sx - cy * sz * cx, cy * sz * sx + sy * cx], -1),
+            np.stack([sz, cz * cx, -cz * sx], -1),
+            np.stack([-sy * cz, sy * sz * cx + cy * sx, cy * cx - sy * sz * sx], -1),
+        ],
+        -2,
+    )

@@ -1,0 +1,72 @@
+"""How the process noise couples the controls: the signs s12, s13 (eq_q1, eq_q3) and s14 (eq:s14)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.parameters import UtcParameters
+
+Array = NDArray[np.float64]
+
+
+class CouplingSchedule:
+    """Gives Pu at k = 0 and Qu at each step, from the signs of the reference and of its change."""
+
+    def __init__(self, parameters: UtcParameters, k_hyst: int) -> None:
+        self._parameters = parameters
+        self._k_hyst = k_hyst
+        self.preview_steps = k_hyst + 1
+        self.reset()
+
+    def reset(self) -> None:
+        """Start from s14 = -1: to start turning, the yaw damping must be reduced."""
+        self._s14_raw = -1.0
+        self._rate_sign = 1.0
+
+    def initial_covariance(self, preview: Array) -> Array:
+        """Pu (4, 4) at k = 0, with s14 = -1 and the coupling's signs at the first step."""
+        s12, s13 = self._hand_signs(preview)
+        return self._matrix(s12, s13, -1.0)
+
+    def process_noise(self, preview: Array) -> Array:
+        """Qu (4, 4) at the step where the reference preview [rad/s] starts."""
+        s12, s13 = self._hand_signs(preview)
+        return self._parameters.Qu_ratio * self._matrix(s12, s13, self._s14(preview))
+
+    def _hand_signs(self, preview: Array) -> tuple[float, float]:
+        match self._parameters.coupling:
+            case "yaw_rate":
+                sign = float(np.sign(preview[0]))
+                return sign, -sign
+            case "yaw_acceleration":
+                sign = float(np.sign(preview[1] - preview[0]))
+                return sign, sign
+            case _:
+                return 0.0, 0.0
+
+    def _s14(self, preview: Array) -> float:
+        """eq:s14; a sign of zero keeps the value before."""
+        size = np.abs(preview)
+        now = size[1] - size[0]
+        ahead = size[self._k_hyst + 1] - size[self._k_hyst]
+        match self._parameters.s14_recursion_reading:
+            case "printed":
+                change = now if self._s14_raw > 0 else ahead
+            case "no_hysteresis":
+                change = now
+            case _:
+                change = ahead
+        if change != 0.0:
+            self._s14_raw = -float(np.sign(change))
+        if self._parameters.s14_sign_reading == "printed":
+            return self._s14_raw
+        if preview[0] != 0.0:
+            self._rate_sign = float(np.sign(preview[0]))
+        return self._s14_raw * self._rate_sign
+
+    def _matrix(self, s12: float, s13: float, s14: float) -> Array:
+        p = self._parameters
+        matrix = np.diag([p.variance_Cm_damp_yaw, p.variance_k_right, p.variance_k_left, p.variance_alpha])
+        couplings = (s12 * p.covariance_12, s13 * p.covariance_13, s14 * p.covariance_14)
+        matrix[0, 1:] = couplings
+        matrix[1:, 0] = couplings
+        return matrix

@@ -1,0 +1,37 @@
+"""The pose controller: proportional on the yaw rate with feed-forward (eq:lim)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.control.limits import ControlLimits
+from skydiver_utc.control.protocol import Decision, Status
+from skydiver_utc.parameters import PoseControllerParameters
+
+Array = NDArray[np.float64]
+
+
+class PoseController:
+    """Moves the turning pattern's angle; yaw damping is constant and the hands rest."""
+
+    preview_steps = 0
+    telemetry_names = ("yaw_rate_error", "alpha_unlimited")
+
+    def __init__(self, parameters: PoseControllerParameters, limits: ControlLimits, initial: Array) -> None:
+        self._parameters = parameters
+        self._limits = limits
+        self._initial = initial
+        self.reset()
+
+    def reset(self) -> None:
+        """Start again from the initial control."""
+        self._previous = self._initial.copy()
+
+    def decide(self, state: Array, preview: Array) -> Decision:
+        """u = K_p (yr_ref - yr_real) + K_FF yr_ref, bounded and slewed."""
+        error = preview[0] - state[12]
+        alpha = self._parameters.K_p * error + self._parameters.K_FF * preview[0]
+        wanted = np.array([self._parameters.Cm_damp_yaw, 0.0, 0.0, alpha])
+        control = self._limits.apply(wanted, self._previous)
+        self._previous = control
+        status = Status.SOLVED if control[3] == alpha else Status.SATURATED
+        return Decision(control.copy(), np.array([error, alpha]), status)

@@ -1,0 +1,47 @@
+"""Validated, frozen parameter sets: the one source of every number the core uses.
+
+Parameters live in YAML below ``config/``; `load_scenario` reads one scenario with everything it names,
+checks types, bounds and unknown keys, and returns immutable objects.
+"""
+
+from skydiver_utc.parameters.body import (
+    MovementPattern,
+    Posture,
+    SegmentData,
+    SegmentTable,
+    Subject,
+    Suit,
+)
+from skydiver_utc.parameters.controller import PoseControllerParameters, UtcParameters
+from skydiver_utc.parameters.leaves import Leaf, leaves
+from skydiver_utc.parameters.loading import load_scenario, scenario_names, to_yaml
+from skydiver_utc.parameters.plant import Air, Damping, Hands, InitialCondition, Limits, PlantParameters
+from skydiver_utc.parameters.reference import ConstantReference, SineReference
+from skydiver_utc.parameters.scenario import Scenario
+from skydiver_utc.parameters.yaml_io import ParameterError
+
+__all__ = [
+    "Air",
+    "ConstantReference",
+    "Damping",
+    "Hands",
+    "InitialCondition",
+    "Leaf",
+    "Limits",
+    "MovementPattern",
+    "ParameterError",
+    "PlantParameters",
+    "PoseControllerParameters",
+    "Posture",
+    "Scenario",
+    "SegmentData",
+    "SegmentTable",
+    "SineReference",
+    "Subject",
+    "Suit",
+    "UtcParameters",
+    "leaves",
+    "load_scenario",
+    "scenario_names",
+    "to_yaml",
+]

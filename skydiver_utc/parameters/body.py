@@ -1,0 +1,81 @@
+"""Parameters of the body that falls: segments, subject, suit, posture, movement pattern."""
+
+from typing import Annotated
+
+from skydiver_utc.parameters.fields import Parameters, quantity
+
+Fraction = Annotated[float, quantity("1", "share of the whole", gt=0, lt=1)]
+Millimetres = Annotated[float, quantity("mm", "length at the reference height", gt=0, le=1000)]
+Area = Annotated[float, quantity("m2", "drag area (drag coefficient times area)", ge=0, le=1)]
+AngleDeg = Annotated[float, quantity("deg", "joint angle", ge=-180, le=180)]
+Component = Annotated[float, quantity("rad/rad", "joint angle per unit of pattern angle", ge=-1, le=1)]
+
+
+class SegmentData(Parameters):
+    """Inertial parameters of one segment as shares of the body's mass and the segment's length."""
+
+    mass_fraction: Fraction
+    length_mm: Millimetres
+    centre_fraction: Fraction
+    gyration_ap: Fraction
+    gyration_ml: Fraction
+    gyration_long: Fraction
+
+
+class SegmentTable(Parameters):
+    """Segment parameters of a population, for bilateral segments one entry serves both sides."""
+
+    name: str
+    source: str
+    reference_mass_kg: Annotated[float, quantity("kg", "mass of the reference subject", gt=0, le=200)]
+    reference_height_m: Annotated[float, quantity("m", "height of the reference subject", gt=0, le=2.5)]
+    shoulder_to_hip_mm: Millimetres
+    shoulder_offset_mm: Annotated[
+        float, quantity("mm", "shoulder joint centre from the midline", gt=0, le=400)
+    ]
+    hip_offset_mm: Annotated[float, quantity("mm", "hip joint centre from the midline", gt=0, le=400)]
+    offsets_source: str
+    segments: dict[str, SegmentData]
+
+
+class Suit(Parameters):
+    """Drag areas of the dressed segments of a reference subject: front, side and axial."""
+
+    name: str
+    source: str
+    reference_mass_kg: Annotated[float, quantity("kg", "mass of the reference subject", gt=0, le=200)]
+    reference_height_m: Annotated[float, quantity("m", "height of the reference subject", gt=0, le=2.5)]
+    drag_areas_m2: dict[str, tuple[Area, Area, Area]]
+
+
+class Subject(Parameters):
+    """Who falls."""
+
+    name: str
+    mass_kg: Annotated[float, quantity("kg", "mass with clothing", ge=30, le=200)]
+    height_m: Annotated[float, quantity("m", "body height", ge=1.2, le=2.3)]
+    segments: SegmentTable
+    suit: Suit
+
+
+class Posture(Parameters):
+    """Joint angles in degrees: flexion, abduction, internal rotation; a joint left out is at zero."""
+
+    name: str
+    description: str
+    source: str
+    joint_angles_deg: dict[str, tuple[AngleDeg, AngleDeg, AngleDeg]]
+
+
+class MovementPattern(Parameters):
+    """Direction in joint space, of unit norm, that one pattern angle moves along."""
+
+    name: str
+    description: str
+    source: str
+    components: dict[str, tuple[Component, Component, Component]]
+
+    def __post_init__(self) -> None:
+        norm = sum(c * c for row in self.components.values() for c in row) ** 0.5
+        if abs(norm - 1.0) > 1e-6:
+            raise ValueError(f"the movement pattern {self.name} must have unit norm, it has {norm:.6f}")

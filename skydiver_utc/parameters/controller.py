@@ -1,0 +1,78 @@
+"""Parameters of the controllers, with every reading of the paper's equations that can be chosen."""
+
+from typing import Annotated, Literal
+
+from skydiver_utc.parameters.fields import Parameters, quantity, text
+
+Gain = Annotated[float, quantity("s", "gain from yaw rate to pattern angle", ge=-100, le=100)]
+Variance = Annotated[float, quantity("control^2", "variance of one control", ge=0, le=1e6)]
+Magnitude = Annotated[float, quantity("control^2", "size of one covariance", ge=0, le=1e6)]
+
+
+class PoseControllerParameters(Parameters, tag_field="kind", tag="pose"):
+    """Proportional control of the pattern angle with feed-forward (eq:lim)."""
+
+    K_p: Gain = 1.5
+    K_FF: Gain = 0.1
+    Cm_damp_yaw: Annotated[float, quantity("1", "constant yaw damping coefficient", ge=0, le=50)] = 0.5
+
+
+class UtcParameters(Parameters, tag_field="kind", tag="utc"):
+    """The Unscented Transform Controller, section 3 of the paper.
+
+    Fields that end in ``_reading`` choose between the equation as printed and the reading that works.
+    """
+
+    horizon_steps: Annotated[int, quantity("steps", "prediction horizon N = t_pred / dt", ge=1, le=500)] = 20
+    W0: Annotated[float, quantity("1", "weight of the central sigma point", gt=-10, lt=1)] = 0.25
+    P_err: Annotated[float, quantity("(rad/s)^2", "covariance of the tracking error", gt=0, le=1e3)] = 1e-4
+    variance_Cm_damp_yaw: Variance = 6.25
+    variance_k_right: Variance = 0.01
+    variance_k_left: Variance = 0.01
+    variance_alpha: Variance = 0.01
+    covariance_12: Magnitude = 0.74
+    covariance_13: Magnitude = 0.74
+    covariance_14: Magnitude = 0.56
+    Qu_ratio: Annotated[float, quantity("1", "Qu as a share of Pu at k = 0", ge=0, le=100)] = 0.1
+    coupling: Annotated[
+        Literal["yaw_rate", "yaw_acceleration", "none"],
+        text("sign of s12, s13: eq_q1 (yaw_rate), eq_q3 (yaw_acceleration) or no coupling"),
+    ] = "yaw_rate"
+    k_hyst_s: Annotated[float, quantity("s", "look-ahead of eq:s14", ge=0, le=10)] = 1.0
+    alpha_dynamics: Annotated[
+        Literal["unknown", "incremental", "positional"],
+        text("dynamics of alpha inside the horizon: none, eq:m1utc, or the block diagram's law"),
+    ] = "unknown"
+    K_p: Gain = 1.5
+    K_FF: Gain = 0.1
+    tau_s: Annotated[float, quantity("s", "look-ahead of the feed-forward", ge=0, le=10)] = 0.0
+    covariance_floor: Annotated[
+        float, quantity("control^2", "smallest eigenvalue kept by the repair", ge=0, le=1)
+    ] = 1e-9
+    covariance_reading: Annotated[
+        Literal["repaired", "printed"],
+        text("repaired: negative eigenvalues of Pu are clipped; printed: only its root is made real"),
+    ] = "repaired"
+    s14_recursion_reading: Annotated[
+        Literal["printed", "no_hysteresis", "look_ahead"],
+        text("eq:s14 as printed, without its hysteresis, or always looking ahead"),
+    ] = "printed"
+    s14_sign_reading: Annotated[
+        Literal["signed", "printed"],
+        text("signed: s14 times sign(yr_ref); printed: s14 from the change of |yr_ref| alone"),
+    ] = "signed"
+    saved_control_reading: Annotated[
+        Literal["drawn", "first_step", "horizon"],
+        text("U^i of eq:xpred: as drawn and bounded, after the first step, or at the horizon (printed)"),
+    ] = "drawn"
+    move_reading: Annotated[
+        Literal["unclipped", "printed"],
+        text("eq:movep on the unclipped sigma point, or after clipping as printed (never acts)"),
+    ] = "unclipped"
+    weights_reading: Annotated[
+        Literal["normalised", "printed"],
+        text("weights that sum to one, or eq:zpred as printed for i = 0 too"),
+    ] = "normalised"
+
+
+Controller = PoseControllerParameters | UtcParameters

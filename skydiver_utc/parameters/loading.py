@@ -1,0 +1,177 @@
+"""From a scenario's name to a validated, frozen `Scenario`."""
+
+import difflib
+import os
+import re
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from skydiver_utc.parameters.scenario import Scenario
+from skydiver_utc.parameters.yaml_io import ParameterError, read_yaml, refuse_non_finite, write_yaml
+
+# Fields whose value may be the name of a file: field -> folder below config/.
+_NAMED = {
+    "subject": "subjects",
+    "segments": "segments",
+    "suit": "suits",
+    "posture": "postures",
+    "pattern": "patterns",
+}
+
+
+def config_folder() -> Path:
+    """The folder with the YAML files: beside the package in a checkout, else in the share folder."""
+    package = Path(__file__).resolve().parents[1]
+    prefixes = [p for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
+    candidates = [package.parent / "config"]
+    candidates += [Path(p) / "share" / "skydiver_utc" / "config" for p in (*prefixes, sys.prefix)]
+    for candidate in candidates:
+        if (candidate / "scenarios").is_dir():
+            return candidate
+    raise ParameterError(
+        "the config folder of skydiver_utc is not installed: install the package again, not in editable mode"
+    )
+
+
+def scenario_names() -> list[str]:
+    """Names of the scenarios that come with the package."""
+    return sorted(path.stem for path in (config_folder() / "scenarios").glob("[!_]*.yaml"))
+
+
+def load_scenario(name_or_path: str, overrides: Mapping[str, object] | None = None) -> Scenario:
+    """Read, resolve and check one scenario.
+
+    `name_or_path` is a name below ``config/scenarios`` or the path of a YAML file; `overrides` maps
+    dotted names ("controller.horizon_steps") to values. Raises `ParameterError`.
+    """
+    path = _scenario_path(name_or_path)
+    raw = _read_extended(path, seen=())
+    resolved = _resolve_names(raw)
+    for name, value in (overrides or {}).items():
+        _override(resolved, name, value)
+    resolved = _resolve_names(resolved)
+    return _convert(resolved, origin=name_or_path)
+
+
+def to_yaml(scenario: Scenario) -> str:
+    """The resolved scenario as YAML that `load_scenario` reads back."""
+    return write_yaml(msgspec.to_builtins(scenario))
+
+
+def _scenario_path(name_or_path: str) -> Path:
+    if name_or_path.endswith((".yaml", ".yml")):
+        path = Path(name_or_path)
+        if not path.is_file():
+            raise ParameterError(f"there is no scenario file {name_or_path}: check the path")
+        return path
+    names = scenario_names()
+    if name_or_path not in names:
+        close = difflib.get_close_matches(name_or_path, names, 1)
+        hint = f"did you mean {close[0]}" if close else f"choose one of {', '.join(names)}"
+        raise ParameterError(f"there is no scenario {name_or_path!r}: {hint}")
+    return config_folder() / "scenarios" / f"{name_or_path}.yaml"
+
+
+def _read_extended(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
+    """The file's content laid over that of the file that it extends."""
+    if path in seen:
+        raise ParameterError(f"{path} extends itself: take one 'extends' out")
+    content = read_yaml(path)
+    parent = content.pop("extends", None)
+    if parent is None:
+        return content
+    parent_path = path.parent / f"{parent}.yaml"
+    if not parent_path.is_file():
+        raise ParameterError(f"{path} extends {parent!r}, which does not exist beside it")
+    return _merge(_read_extended(parent_path, (*seen, path)), content)
+
+
+def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    merged = dict(base)
+    for key, value in over.items():
+        old = merged.get(key)
+        both = isinstance(old, dict) and isinstance(value, dict)
+        same_kind = both and value.get("kind", old.get("kind")) == old.get("kind")
+        merged[key] = _merge(old, value) if both and same_kind else value
+    return merged
+
+
+def _resolve_names(content: dict[str, Any]) -> dict[str, Any]:
+    """Replace the name of a subject, suit, posture, ... by what its file holds, at any depth."""
+    resolved: dict[str, Any] = {}
+    for key, value in content.items():
+        if key in _NAMED and isinstance(value, str):
+            folder = config_folder() / _NAMED[key]
+            path = folder / f"{value}.yaml"
+            if not path.is_file():
+                known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
+                raise ParameterError(f"there is no {key} {value!r}: choose one of {known}")
+            value = read_yaml(path)
+        resolved[key] = _resolve_names(value) if isinstance(value, dict) else value
+    return resolved
+
+
+def _override(content: dict[str, Any], name: str, value: object) -> None:
+    *parents, last = name.split(".")
+    place = content
+    for parent in parents:
+        place = place.setdefault(parent, {})
+        if not isinstance(place, dict):
+            raise ParameterError(f"there is no parameter {name}: {parent} has no fields")
+    refuse_non_finite(value, "the override", name)
+    place[last] = value
+
+
+def _convert(content: dict[str, Any], origin: str) -> Scenario:
+    try:
+        return msgspec.convert(content, Scenario)
+    except msgspec.ValidationError as error:
+        raise ParameterError(f"{_sentence(str(error), content)} (scenario {origin})") from error
+
+
+def _sentence(message: str, content: dict[str, Any]) -> str:
+    """msgspec's message with the parameter's dotted name first, the value found, and a near name."""
+    fault, _, place = message.partition(" - at `$")
+    path = place.rstrip("`").lstrip(".")
+    unknown = re.search(r"unknown field `(.+)`", fault)
+    if unknown:
+        name = f"{path}.{unknown[1]}" if path else unknown[1]
+        close = difflib.get_close_matches(unknown[1], _field_names(path), 1)
+        return f"unknown parameter {name}: " + (f"did you mean {close[0]}" if close else "take it out")
+    missing = re.search(r"missing required field `(.+)`", fault)
+    if missing:
+        return f"parameter {f'{path}.' if path else ''}{missing[1]} is missing: write it"
+    if not path:
+        return fault
+    value = _value_at(content, path)
+    found = f", found {value!r}" if isinstance(value, str | int | float | bool) else ""
+    return f"parameter {path}: {fault[:1].lower()}{fault[1:]}{found}"
+
+
+def _value_at(content: Any, path: str) -> Any:
+    for part in re.findall(r"[^.\[\]]+", path):
+        if isinstance(content, dict):
+            content = content.get(part)
+        elif isinstance(content, list) and part.isdigit():
+            content = content[int(part)]
+        else:
+            return None
+    return content
+
+
+def _field_names(path: str) -> list[str]:
+    """Names that may stand at `path`, over all kinds that the place admits."""
+    types: list[Any] = [msgspec.inspect.type_info(Scenario)]
+    for part in re.findall(r"[^.\[\]]+", path):
+        structs = [t for t in types if isinstance(t, msgspec.inspect.StructType)]
+        types = [_bare(f.type) for t in structs for f in t.fields if f.name == part]
+        types = [o for t in types for o in (t.types if isinstance(t, msgspec.inspect.UnionType) else (t,))]
+    return [f.name for t in types if isinstance(t, msgspec.inspect.StructType) for f in t.fields]
+
+
+def _bare(kind: Any) -> Any:
+    return kind.type if isinstance(kind, msgspec.inspect.Metadata) else kind

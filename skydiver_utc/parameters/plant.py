@@ -1,0 +1,81 @@
+"""Parameters of the fall: air, damping, hand input, actuator limits, initial condition."""
+
+from typing import Annotated
+
+from skydiver_utc.parameters.fields import Parameters, quantity
+
+Range = tuple[float, float]
+
+
+class Air(Parameters):
+    """The air fallen through."""
+
+    density_kg_m3: Annotated[float, quantity("kg/m3", "air density, constant over the run", gt=0, le=2)]
+
+
+class Damping(Parameters):
+    """Damping moments -Cm 1/2 rho |V| S L^2/2 omega; the yaw coefficient is a control."""
+
+    Cm_damp_roll: Annotated[float, quantity("1", "roll damping moment coefficient", ge=0, le=50)]
+    Cm_damp_pitch: Annotated[float, quantity("1", "pitch damping moment coefficient", ge=0, le=50)]
+    reference_area_m2: Annotated[float, quantity("m2", "reference area S", gt=0, le=10)]
+    reference_length_m: Annotated[float, quantity("m", "reference length L", gt=0, le=3)]
+
+
+class Hands(Parameters):
+    """Input moment of the hands (eq_force2)."""
+
+    K_N: Annotated[float, quantity("N", "hand force for a unit coefficient", ge=0, le=500)]
+    lx_m: Annotated[float, quantity("m", "distance of the hands from the long axis", ge=0, le=1)]
+
+
+class Limits(Parameters):
+    """Actuator limits (eq:minmax_utc) and slew rate of the pattern angle (eq:lim)."""
+
+    Cm_damp_yaw: Range
+    k_right: Range
+    k_left: Range
+    alpha: Range
+    alpha_rate: Annotated[float, quantity("rad/s", "slew rate of the pattern angle", gt=0, le=100)]
+
+    def __post_init__(self) -> None:
+        for name in ("Cm_damp_yaw", "k_right", "k_left", "alpha"):
+            lower, upper = getattr(self, name)
+            if not lower < upper:
+                raise ValueError(f"limits of {name} are upside down: write the smaller of {lower}, {upper} first")
+        if self.Cm_damp_yaw[0] < 0:
+            raise ValueError("limits of Cm_damp_yaw must not be negative: negative damping is not a damping")
+
+    @property
+    def minimum(self) -> tuple[float, float, float, float]:
+        """Lower bounds in control order."""
+        return (self.Cm_damp_yaw[0], self.k_right[0], self.k_left[0], self.alpha[0])
+
+    @property
+    def maximum(self) -> tuple[float, float, float, float]:
+        """Upper bounds in control order."""
+        return (self.Cm_damp_yaw[1], self.k_right[1], self.k_left[1], self.alpha[1])
+
+
+class PlantParameters(Parameters):
+    """Everything about the fall that is not the body."""
+
+    damping: Damping
+    hands: Hands
+    limits: Limits
+    pattern_nodes: Annotated[int, quantity("1", "nodes of the posture table over alpha", ge=9, le=1025)] = 65
+
+
+class InitialCondition(Parameters):
+    """Where the flight starts: attitude, speed and the control then applied."""
+
+    altitude_m: Annotated[float, quantity("m", "height of the world origin's vertical axis", ge=0, le=40000)]
+    fall_speed_m_s: Annotated[float, quantity("m/s", "downward speed", ge=0, le=150)]
+    bank_deg: Annotated[float, quantity("deg", "roll about the body's x axis", ge=-180, le=180)] = 0.0
+    pitch_deg: Annotated[float, quantity("deg", "rotation about the body's y axis", ge=-90, le=90)] = 0.0
+    heading_deg: Annotated[float, quantity("deg", "heading of the head from east", ge=-360, le=360)] = 0.0
+    yaw_rate_deg_s: Annotated[float, quantity("deg/s", "yaw rate", ge=-1000, le=1000)] = 0.0
+    Cm_damp_yaw: Annotated[float, quantity("1", "initial yaw damping coefficient", ge=0, le=50)] = 0.5
+    k_right: Annotated[float, quantity("1", "initial right hand coefficient", ge=0, le=50)] = 0.0
+    k_left: Annotated[float, quantity("1", "initial left hand coefficient", ge=0, le=50)] = 0.0
+    alpha: Annotated[float, quantity("rad", "initial pattern angle", ge=-3.2, le=3.2)] = 0.0

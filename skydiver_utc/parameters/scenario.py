@@ -1,0 +1,55 @@
+"""One scenario: everything a flight needs."""
+
+import math
+from typing import Annotated
+
+from skydiver_utc.parameters.body import MovementPattern, Posture, Subject
+from skydiver_utc.parameters.controller import Controller
+from skydiver_utc.parameters.fields import Parameters, quantity
+from skydiver_utc.parameters.plant import Air, InitialCondition, PlantParameters
+from skydiver_utc.parameters.reference import Reference
+
+
+class Scenario(Parameters, kw_only=True):
+    """A flight, resolved: no names of other files are left in it."""
+
+    name: str
+    title: str
+    description: str = ""
+    duration_s: Annotated[float, quantity("s", "simulated time of the flight", gt=0, le=36000)]
+    dt_s: Annotated[float, quantity("s", "control and integration step", ge=1e-4, le=0.05)]
+    epoch_s: Annotated[int, quantity("s", "simulated time of step 0, Unix time", gt=0, le=4102444800)]
+    seed: Annotated[int, quantity("1", "seed of every random draw", ge=0, le=2**32 - 1)] = 0
+    air: Air
+    plant: PlantParameters
+    initial: InitialCondition
+    reference: Reference
+    controller: Controller
+    subject: Subject
+    posture: Posture
+    pattern: MovementPattern
+
+    def __post_init__(self) -> None:
+        if abs(self.dt_s * 1e9 - self.dt_ns) > 1e-3:
+            raise ValueError(f"dt_s must be a whole number of nanoseconds, it is {self.dt_s}")
+        if self.duration_s < self.dt_s:
+            raise ValueError(f"duration_s ({self.duration_s}) must be at least one dt_s ({self.dt_s})")
+        limits = self.plant.limits
+        for name in ("Cm_damp_yaw", "k_right", "k_left", "alpha"):
+            lower, upper = getattr(limits, name)
+            if not lower <= getattr(self.initial, name) <= upper:
+                raise ValueError(f"initial.{name} must lie inside its limits [{lower}, {upper}]")
+
+    @property
+    def dt_ns(self) -> int:
+        """The step in integer nanoseconds."""
+        return round(self.dt_s * 1e9)
+
+    @property
+    def steps(self) -> int:
+        """Number of control steps K, the smallest that covers the duration."""
+        return math.ceil(round(self.duration_s * 1e9) / self.dt_ns)
+
+    def stamp_ns(self, k: int) -> int:
+        """Simulated time of step k in integer nanoseconds."""
+        return self.epoch_s * 1_000_000_000 + k * self.dt_ns

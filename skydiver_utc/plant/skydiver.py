@@ -1,0 +1,77 @@
+"""The skydiver in free fall, for the simulator and for the nodes."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.body.posture import joint_angle_names, pattern_direction, posture_angles
+from skydiver_utc.parameters import Scenario
+from skydiver_utc.plant.dynamics import STATE_SIZE, WORK_SIZE, limit_control, rk4_step
+from skydiver_utc.plant.model import PlantModel, build_model
+
+Array = NDArray[np.float64]
+
+CONTROL_NAMES = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
+
+
+class SkydiverPlant:
+    """Steps a state (13,) under a control (4,); keeps no state of its own."""
+
+    def __init__(self, scenario: Scenario, model: PlantModel | None = None) -> None:
+        self.model = build_model(scenario) if model is None else model
+        self.joint_names = joint_angle_names()
+        self._initial = scenario.initial
+        self._neutral = posture_angles(scenario.posture).ravel()
+        self._direction = pattern_direction(scenario.pattern).ravel()
+        self._work = np.empty(WORK_SIZE)
+
+    def initial_state(self) -> Array:
+        """State (13,) at step 0: heading, then pitch, then bank turned; falling straight down in the world."""
+        initial = self._initial
+        quaternion = _quaternion(initial.heading_deg, initial.pitch_deg, initial.bank_deg)
+        state = np.zeros(STATE_SIZE)
+        state[2] = initial.altitude_m
+        state[3:7] = quaternion
+        state[7:10] = -initial.fall_speed_m_s * _world_up_in_body(quaternion)
+        state[12] = np.deg2rad(initial.yaw_rate_deg_s)
+        return state
+
+    def initial_control(self) -> Array:
+        """Control (4,) applied before step 0."""
+        initial = self._initial
+        return np.array([initial.Cm_damp_yaw, initial.k_right, initial.k_left, initial.alpha])
+
+    def apply_limits(self, command: Array, previous_applied: Array) -> Array:
+        """What the actuators make of a command (4,): bounds, then the slew rate of alpha."""
+        applied = np.empty(4)
+        limit_control(self.model, command, previous_applied, applied)
+        return applied
+
+    def step(self, state: Array, applied: Array) -> Array:
+        """State (13,) one dt later under an applied control (4,)."""
+        following = np.empty(STATE_SIZE)
+        rk4_step(self.model, state, applied, following, self._work)
+        return following
+
+    def joint_angles(self, alpha: float) -> Array:
+        """Joint angles (45,) in rad at a pattern angle, in the order of `joint_names`."""
+        return self._neutral + alpha * self._direction
+
+
+def _quaternion(heading_deg: float, pitch_deg: float, bank_deg: float) -> Array:
+    """Quaternion x y z w of the intrinsic rotations z, y, x."""
+    (cz, cy, cx), (sz, sy, sx) = (
+        f(np.deg2rad(np.array([heading_deg, pitch_deg, bank_deg])) / 2) for f in (np.cos, np.sin)
+    )
+    return np.array(
+        [
+            sx * cy * cz - cx * sy * sz,
+            cx * sy * cz + sx * cy * sz,
+            cx * cy * sz - sx * sy * cz,
+            cx * cy * cz + sx * sy * sz,
+        ]
+    )
+
+
+def _world_up_in_body(quaternion: Array) -> Array:
+    x, y, z, w = quaternion
+    return np.array([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)])

@@ -1,0 +1,36 @@
+"""From a scenario to the parts of its closed loop."""
+
+import numpy as np
+
+from skydiver_utc.control.limits import ControlLimits
+from skydiver_utc.control.pose import PoseController
+from skydiver_utc.control.protocol import Controller
+from skydiver_utc.parameters import PoseControllerParameters, Scenario
+from skydiver_utc.plant.model import build_model
+from skydiver_utc.plant.skydiver import SkydiverPlant
+from skydiver_utc.reference.profiles import YawRateReference
+from skydiver_utc.simulation.skydiver_utc_controller import SkydiverUtc
+
+
+def build_plant(scenario: Scenario) -> SkydiverPlant:
+    """The skydiver that falls."""
+    return SkydiverPlant(scenario)
+
+
+def build_reference(scenario: Scenario) -> YawRateReference:
+    """The yaw rate wanted."""
+    return YawRateReference(scenario)
+
+
+def build_controller(scenario: Scenario) -> Controller:
+    """The controller that the scenario names, with the plant as its model where it predicts."""
+    limits = ControlLimits(
+        np.array(scenario.plant.limits.minimum),
+        np.array(scenario.plant.limits.maximum),
+        np.array([np.inf, np.inf, np.inf, scenario.plant.limits.alpha_rate * scenario.dt_s]),
+    )
+    plant = SkydiverPlant(scenario, build_model(scenario))
+    parameters = scenario.controller
+    if isinstance(parameters, PoseControllerParameters):
+        return PoseController(parameters, limits, plant.initial_control())
+    return SkydiverUtc(parameters, plant.model, limits, plant.initial_control())

@@ -1,0 +1,42 @@
+"""What a flight leaves behind, as arrays."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.parameters import Scenario
+from skydiver_utc.simulation.outcome import Outcome
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """One closed-loop flight of K steps; row k belongs to time k dt.
+
+    states (K+1, 13) position world [m], quaternion xyzw body to world, velocity body [m/s], rates body [rad/s]
+    commands (K, 4) asked for by the controller; applied (K, 4) after the plant's own limits
+    reference (K+1,) yaw rate [rad/s]
+    telemetry (K, n) by `telemetry_names`; solve_time_s (K,) of one controller call
+    """
+
+    scenario: Scenario
+    states: NDArray[np.float64]
+    commands: NDArray[np.float64]
+    applied: NDArray[np.float64]
+    reference: NDArray[np.float64]
+    telemetry: NDArray[np.float64]
+    telemetry_names: tuple[str, ...]
+    solve_time_s: NDArray[np.float64]
+    outcome: Outcome
+    reason: str
+    wall_time_s: float
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """Time of each state, shape (K+1,)."""
+        return np.arange(len(self.states)) * self.scenario.dt_s
+
+    @property
+    def yaw_rate(self) -> NDArray[np.float64]:
+        """Body rate about the dorsal axis [rad/s], shape (K+1,)."""
+        return self.states[:, 12]

@@ -1,0 +1,57 @@
+"""How a flight ended, in one word and one sentence."""
+
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.parameters import Scenario
+
+# A body faster than this has left the model, whatever its numbers say.
+_LARGEST_SPEED_M_S = 500.0
+_LARGEST_RATE_RAD_S = 200.0
+
+
+class Outcome(str, Enum):
+    """How a flight ended."""
+
+    COMPLETED = "completed"
+    ROLLED_OVER = "rolled_over"
+    DIVERGED = "diverged"
+    NO_COMMAND = "no_command"
+    ABORTED = "aborted"
+
+
+class OutcomeMonitor:
+    """Watches the states of a belly-to-earth flight."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._dt_s = scenario.dt_s
+        self.outcome = Outcome.COMPLETED
+        self.reason = f"{scenario.steps} steps flown"
+
+    def observe(self, k: int, state: NDArray[np.float64]) -> bool:
+        """Take in the state (13,) at step k; False when the flight cannot go on."""
+        speed = float(np.sqrt(state[7:10] @ state[7:10]))
+        rate = float(np.sqrt(state[10:13] @ state[10:13]))
+        if not (speed < _LARGEST_SPEED_M_S and rate < _LARGEST_RATE_RAD_S and np.isfinite(state).all()):
+            self.outcome = Outcome.DIVERGED
+            self.reason = (
+                f"the state left the model at {k * self._dt_s:.3f} s"
+                f" (speed {speed:.3g} m/s, body rate {rate:.3g} rad/s)"
+            )
+            return False
+        if self.outcome is Outcome.COMPLETED and dorsal_axis_height(state) < 0.0:
+            self.outcome = Outcome.ROLLED_OVER
+            self.reason = f"the dorsal axis went below the horizon at {k * self._dt_s:.3f} s"
+        return True
+
+    def end(self, outcome: Outcome, reason: str) -> None:
+        """The flight was ended from outside."""
+        self.outcome, self.reason = outcome, reason
+
+
+def dorsal_axis_height(state: NDArray[np.float64]) -> float:
+    """Vertical component of the body's dorsal axis: 1 belly to earth, -1 back to earth."""
+    qx, qy = state[3], state[4]
+    return float(1.0 - 2.0 * (qx * qx + qy * qy))

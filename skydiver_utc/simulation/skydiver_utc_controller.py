@@ -1,0 +1,66 @@
+"""UTC bound to the skydiver: the paper's controller behind the controller protocol."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.control.coupling import CouplingSchedule
+from skydiver_utc.control.limits import ControlLimits
+from skydiver_utc.control.protocol import Decision
+from skydiver_utc.control.utc import UnscentedTransformController
+from skydiver_utc.parameters import UtcParameters
+from skydiver_utc.plant.model import PlantModel
+from skydiver_utc.plant.skydiver import CONTROL_NAMES
+from skydiver_utc.simulation.prediction import SkydiverPrediction
+
+Array = NDArray[np.float64]
+
+
+class SkydiverUtc:
+    """Tracks the yaw rate with yaw damping, two hands and the turning pattern."""
+
+    telemetry_names = (
+        "predicted_yaw_rate",
+        "innovation",
+        *(f"std_{name}" for name in CONTROL_NAMES),
+        "repaired_covariance",
+    )
+
+    def __init__(
+        self, parameters: UtcParameters, model: PlantModel, limits: ControlLimits, initial: Array
+    ) -> None:
+        self._initial = initial
+        self._horizon = parameters.horizon_steps
+        self._prediction = SkydiverPrediction(model, parameters)
+        self._coupling = CouplingSchedule(parameters, round(parameters.k_hyst_s / model.dt))
+        m = len(CONTROL_NAMES)
+        printed = np.full(2 * m + 1, (1.0 - parameters.W0) / (2 * m))
+        self._utc = UnscentedTransformController(
+            self._prediction,
+            limits,
+            P_err=np.array([[parameters.P_err]]),
+            W0=parameters.W0,
+            covariance_floor=parameters.covariance_floor,
+            keep_indefinite=parameters.covariance_reading == "printed",
+            move_unclipped=parameters.move_reading == "unclipped",
+            output_weights=printed if parameters.weights_reading == "printed" else None,
+        )
+        self.preview_steps = max(self._prediction.preview_steps, self._coupling.preview_steps)
+        self.reset()
+
+    def reset(self) -> None:
+        """Start again; Pu is set at the first decision, because its signs need the reference."""
+        self._prediction.reset()
+        self._coupling.reset()
+        self._started = False
+
+    def decide(self, state: Array, preview: Array) -> Decision:
+        """One UTC step."""
+        if not self._started:
+            self._utc.reset(self._initial, self._coupling.initial_covariance(preview))
+            self._started = True
+        Qu = self._coupling.process_noise(preview)
+        reference = preview[self._horizon : self._horizon + 1]
+        step = self._utc.step(state, preview, reference, Qu)
+        deviations = np.sqrt(np.maximum(np.diag(self._utc.covariance), 0.0))
+        telemetry = np.concatenate([step.predicted, step.innovation, deviations, [step.repaired]])
+        return Decision(step.control, telemetry, step.status)

@@ -1,0 +1,553 @@
+"""The oracle against algebra, exact solutions and SciPy: nothing here touches the code under test."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import aerodynamics as aero
+import numpy as np
+import paper_utc as pu
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+DT = 0.0042
+SIGNS = list(itertools.product((-1.0, 1.0), repeat=3))
+FREE = {"umin": np.full(4, -np.inf), "umax": np.full(4, np.inf), "rate": np.inf}
+
+
+def dense_covariance(m: int, seed: int) -> np.ndarray:
+    A = np.random.default_rng(seed).normal(size=(m, m))
+    return A @ A.T + 0.1 * np.eye(m)
+
+
+def yaw_plant(x: np.ndarray, u: np.ndarray, dt: float) -> np.ndarray:
+    """A scalar yaw rate: x' = 6 alpha - (5 Cm + .2) x + .3 (k_right - k_left), one Euler step."""
+    return x + dt * (6.0 * u[3] - (5.0 * u[0] + 0.2) * x + 0.3 * (u[1] - u[2]))
+
+
+def first(x: np.ndarray) -> float:
+    return float(x[0])
+
+
+# --------------------------------------------------------------------------- posture controller
+
+
+def test_pose_controller_proportional_feed_forward_and_limits() -> None:
+    assert pu.pose_controller(0.5, 0.2, 0.5, dt=1.0) == pytest.approx(1.5 * 0.3 + 0.1 * 0.5)
+    assert pu.pose_controller(9.0, 0.0, 1.4, dt=1.0) == 1.5
+    assert pu.pose_controller(-9.0, 0.0, -1.4, dt=1.0) == -1.5
+    assert pu.pose_controller(9.0, 0.0, 0.0, dt=DT) == pytest.approx(3.5 * DT)
+    assert pu.pose_controller(-9.0, 0.0, 0.0, dt=DT) == pytest.approx(-3.5 * DT)
+
+
+def test_order_of_the_two_limits_does_not_matter_inside_the_magnitude_limit() -> None:
+    rng = np.random.default_rng(0)
+    for previous, r, y in zip(
+        rng.uniform(-1.5, 1.5, 200), rng.normal(size=200), rng.normal(size=200), strict=True
+    ):
+        slew_first = np.clip(pu.slew(1.5 * (r - y) + 0.1 * r, previous, 3.5, 0.1), -1.5, 1.5)
+        assert pu.pose_controller(r, y, previous, 0.1) == slew_first
+
+
+# --------------------------------------------------------------------------- covariances and their signs
+
+
+@pytest.mark.parametrize("signs", SIGNS)
+def test_printed_covariance_is_indefinite_for_every_sign_choice(signs) -> None:
+    P = pu.initial_covariance(*signs)
+    np.testing.assert_allclose(np.linalg.eigvalsh(P), [-0.208, 0.01, 0.01, 6.468], atol=5e-4)
+    # Arrow matrix: the two outer eigenvalues solve (6.25 - e)(.01 - e) = |q|^2.
+    outer = np.roots([1.0, -6.26, 0.0625 - 0.74**2 - 0.74**2 - 0.56**2])
+    np.testing.assert_allclose(np.sort(outer), np.linalg.eigvalsh(P)[[0, 3]], rtol=1e-12)
+    np.testing.assert_array_equal(pu.process_noise(*signs), 0.1 * P)
+
+
+def test_covariance_elements_counted_from_one() -> None:
+    P = pu.initial_covariance(-1.0, 1.0, -1.0)
+    assert (P[0, 1], P[0, 2], P[0, 3], P[1, 2]) == (-0.74, 0.74, -0.56, 0.0)
+    np.testing.assert_array_equal(P, P.T)
+
+
+def test_coupling_signs() -> None:
+    assert pu.coupling_signs("eq_q1", 2.0, 1.0) == (1.0, -1.0)  # left turn: negative for k_left
+    assert pu.coupling_signs("eq_q1", -2.0, 1.0) == (-1.0, 1.0)  # right turn: negative for k_right
+    assert pu.coupling_signs("eq_q3", 2.0, 1.0) == (-1.0, -1.0)
+    assert pu.coupling_signs("eq_q3", -2.0, -1.0) == (1.0, 1.0)
+    assert pu.coupling_signs("none", 2.0, 1.0) == (0.0, 0.0)
+    assert pu.coupling_signs("eq_q1", 0.0, 1.0, sign_of_zero=-1.0) == (-1.0, 1.0)
+    assert pu.coupling_signs("eq_q3", 1.0, 1.0, sign_of_zero=-1.0) == (-1.0, -1.0)
+    with pytest.raises(ValueError, match="unknown coupling"):
+        pu.coupling_signs("eq_q2", 0.0, 1.0)
+
+
+def test_s14_on_a_hand_worked_reference() -> None:
+    #            k: 0    1    2    3    4    5    6
+    reference = [0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0]
+    # |differences| k -> k+1: + + + - - -, so -sign: - - - + + +
+    assert pu.s14_sequence(reference, 2, 6, "no_hysteresis").tolist() == [-1, -1, -1, 1, 1, 1]
+    assert pu.s14_sequence(reference, 2, 4, "look_ahead").tolist() == [-1, 1, 1, 1]
+    # k=0: s=-1, so look ahead to 2->3: -.  k=1: look ahead to 3->4: +.
+    # k=2: s>0, so Delta(2): -.             k=3: look ahead to 5->6: +.
+    assert pu.s14_sequence(reference, 2, 4, "printed").tolist() == [-1, 1, -1, 1]
+    # s14(k-1) = 0 belongs to the look-ahead branch.
+    assert pu.s14_sequence(reference, 3, 1, "printed", initial=0.0).tolist() == [1]
+    with pytest.raises(ValueError, match="unknown reading"):
+        pu.s14_sequence(reference, 2, 4, "other")
+
+
+def test_s14_depends_on_the_magnitude_only_and_the_reference_sign_comes_after() -> None:
+    r = np.array([0.0, 0.0, 1.0, 2.0, 0.0, -1.0, -2.0, -2.0, -1.0, 0.0, 0.0])
+    raw = pu.s14_sequence(r, 1, 9)
+    np.testing.assert_array_equal(raw, pu.s14_sequence(-r, 1, 9))
+    np.testing.assert_array_equal(raw, pu.s14_sequence(np.abs(r), 1, 9))
+    signed = pu.s14_sequence(r, 1, 9, times_reference_sign=True)
+    np.testing.assert_array_equal(signed, raw * [1, 1, 1, 1, 1, -1, -1, -1, -1])  # zero at 4 keeps +
+    mirrored = pu.s14_sequence(-r, 1, 9, times_reference_sign=True, initial_reference_sign=-1.0)
+    np.testing.assert_array_equal(mirrored, -signed)
+
+
+def test_s14_keeps_its_value_where_nothing_changes() -> None:
+    assert pu.s14_sequence(np.ones(9), 1, 7).tolist() == [-1.0] * 7
+    assert pu.s14_sequence(np.ones(9), 1, 7, initial=1.0).tolist() == [1.0] * 7
+    falling = np.arange(9.0, 0.0, -1.0)
+    assert pu.s14_sequence(falling, 1, 2).tolist() == [1.0, 1.0]
+    assert pu.s14_sequence(falling, 1, 2, first_step_is_initial=True).tolist() == [-1.0, 1.0]
+
+
+def test_printed_hysteresis_chatters_on_the_fast_turn() -> None:
+    r = np.deg2rad(400.0) * np.sin(2.0 * np.pi * 0.2 * DT * np.arange(6000))
+    flips = {
+        kind: np.count_nonzero(np.diff(pu.s14_sequence(r, 238, 4761, kind)))
+        for kind in ("printed", "look_ahead")
+    }
+    assert flips["printed"] > 1000
+    assert flips["look_ahead"] < 20
+
+
+def test_repair_and_square_root() -> None:
+    P = pu.initial_covariance(1.0, -1.0, -1.0)
+    fixed = pu.repair(P, 1e-6)
+    np.testing.assert_allclose(np.linalg.eigvalsh(fixed), [1e-6, 0.01, 0.01, 6.468], atol=5e-4)
+    S = pu.matrix_square_root(fixed)
+    np.testing.assert_array_equal(S, S.T)
+    np.testing.assert_allclose(S @ S, fixed, atol=1e-12)
+    assert np.linalg.eigvalsh(S).min() > 0.0
+    np.testing.assert_allclose(S @ P, P @ S, atol=1e-9)  # same eigenvectors
+
+    good = dense_covariance(4, 1)
+    np.testing.assert_allclose(pu.repair(good, 1e-9), good, rtol=1e-13, atol=1e-14)
+    skew = np.array([[0.0, 0.3], [-0.3, 0.0]])
+    np.testing.assert_allclose(pu.repair(np.eye(2) + skew, 1e-9), np.eye(2), rtol=1e-14)
+
+
+# --------------------------------------------------------------------------- sigma points
+
+
+@pytest.mark.parametrize("m", [1, 2, 4, 7])
+@pytest.mark.parametrize("W0", [0.0, 0.25, 0.6])
+def test_sigma_points_carry_mean_and_covariance(m, W0) -> None:
+    U, P = np.arange(1.0, m + 1), dense_covariance(m, m)
+    points, W = pu.sigma_points(U, P, W0), pu.weights(m, W0)
+    assert points.shape == (2 * m + 1, m)
+    assert W.sum() == pytest.approx(1.0, abs=1e-15)
+    mean, covariance = pu.predict(points, W, np.zeros((m, m)))
+    np.testing.assert_allclose(mean, U, rtol=1e-13)
+    np.testing.assert_allclose(covariance, P, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(points[1 : m + 1] + points[m + 1 :], np.tile(2 * U, (m, 1)), rtol=1e-13)
+
+
+def test_sigma_points_order_and_scale() -> None:
+    points = pu.sigma_points([10.0, 20.0], np.diag([4.0, 9.0]), 0.5)  # sqrt(2 / .5) = 2
+    np.testing.assert_allclose(points, [[10, 20], [14, 20], [10, 26], [6, 20], [10, 14]], rtol=1e-14)
+
+
+def test_weights_as_printed_in_the_two_places() -> None:
+    np.testing.assert_allclose(pu.weights(4, 0.25), [0.25] + [0.09375] * 8)
+    assert pu.weights(4, 0.25, "eq:zpred").sum() == pytest.approx(0.84375)
+    assert round(float(pu.weights(4, 0.25, "eq:zpred").sum()), 3) == 0.844
+
+
+def test_bound_moves_points_off_the_boundary_only_where_the_mean_sits_on_it() -> None:
+    U = np.array([0.01, 2.0, 5.0, 1.5])
+    points = np.array([[-1.0, -3.0, 7.0, 1.7], [3.0, 6.0, 1.0, -1.9]])
+    moved = pu.bound(points, U, pu.U_MIN, pu.U_MAX)
+    # 1.5 (.01) + .5 = .515; mean inside: clipped to 0; 1.5 (5) - 3.5 = 4; 1.5 (1.5) - .85 = 1.4
+    np.testing.assert_allclose(moved, [[0.515, 0.0, 4.0, 1.4], [3.0, 5.0, 1.0, -1.5]], rtol=1e-14)
+    clipped = pu.bound(points, U, pu.U_MIN, pu.U_MAX, "bound_then_move")
+    np.testing.assert_array_equal(clipped, np.clip(points, pu.U_MIN, pu.U_MAX))
+    # Half the excess on the other side: U + (U - U^i) / 2.
+    assert moved[0, 2] == U[2] + 0.5 * (U[2] - points[0, 2])
+    # A very long excess passes the opposite bound and is bounded there.
+    far = pu.bound([[0.5, 0.0, 0.0, 9.0]], [0.5, 0.0, 0.0, 1.5], pu.U_MIN, pu.U_MAX)
+    assert far[0, 3] == -1.5
+
+
+# --------------------------------------------------------------------------- propagation
+
+
+def test_increments_add_up_to_the_positional_form() -> None:
+    rng = np.random.default_rng(3)
+    r, y, ahead = rng.normal(size=(3, 30))
+    total = sum(
+        pu.alpha_increment(r[i], r[i - 1], y[i], y[i - 1], ahead[i], ahead[i - 1], 1.5, 0.1)
+        for i in range(1, 30)
+    )
+    ends = pu.alpha_positional(r[-1], y[-1], ahead[-1], 1.5, 0.1) - pu.alpha_positional(
+        r[0], y[0], ahead[0], 1.5, 0.1
+    )
+    assert total == pytest.approx(ends, rel=1e-12)
+
+
+def run(point, alpha_before=0.0, x=0.0, reference=None, **changes):
+    s = replace(pu.Settings(N=5, dt=DT), **changes)
+    reference = np.zeros(s.N + s.tau + 1) if reference is None else np.asarray(reference)
+    state, y_before = np.array([x]), changes.get("y_before")
+    return pu.propagate(
+        np.array(point), alpha_before, state, reference, yaw_plant, lambda z: z, first, s, y_before
+    )
+
+
+def test_held_alpha_ramps_at_the_slew_rate_and_the_rest_is_constant() -> None:
+    out = run([0.5, 1.0, 2.0, 0.5], alpha_before=0.1)
+    np.testing.assert_allclose(out.applied[:, 3], 0.1 + 3.5 * DT * np.arange(1, 6), rtol=1e-14)
+    np.testing.assert_array_equal(out.applied[:, :3], np.tile([0.5, 1.0, 2.0], (5, 1)))
+    np.testing.assert_array_equal(out.U, [0.5, 1.0, 2.0, 0.5])
+    assert run([0.5, 0.0, 0.0, 0.5], 0.1, saved="after_first_step").U[3] == pytest.approx(0.1 + 3.5 * DT)
+    assert run([0.5, 0.0, 0.0, 0.5], 0.1, saved="at_horizon").U[3] == pytest.approx(0.1 + 3.5 * 5 * DT)
+    assert run([0.5, 0.0, 0.0, 0.5], 0.1, saved="at_horizon", saved_alpha="commanded").U[3] == 0.5
+
+
+def test_held_output_is_the_exact_solution_of_the_linear_recursion() -> None:
+    out = run([0.5, 1.0, 2.0, 0.3], alpha_before=0.3, x=2.0, N=40)
+    decay, inflow = 1.0 - DT * 2.7, DT * (6.0 * 0.3 - 0.3)
+    assert out.Y[0] == pytest.approx(decay**40 * 2.0 + inflow * (1 - decay**40) / (1 - decay), rel=1e-13)
+
+
+@pytest.mark.parametrize("recursion", ["commanded", "applied"])
+def test_incremental_without_limits_telescopes(recursion) -> None:
+    r = np.random.default_rng(5).normal(size=9)
+    out = run([0.5, 0.0, 0.0, 0.2], 0.0, 1.0, r, dynamics="incremental", tau=3, recursion=recursion, **FREE)
+    y = [1.0, 1.0]  # y_-1 := y_0
+    x = np.array([1.0])
+    for u in out.applied:
+        x = yaw_plant(x, u, DT)
+        y.append(first(x))
+    for j in range(1, 6):
+        expected = 0.2 + 1.5 * (r[j] - r[0]) - 1.5 * (y[j] - y[0]) + 0.1 * (r[j + 3] - r[3])
+        assert out.commanded_alpha[j - 1] == pytest.approx(expected, rel=1e-12)
+    np.testing.assert_array_equal(out.applied[:, 3], out.commanded_alpha)
+    assert out.Y[0] == y[-1]
+
+
+def test_first_increment_of_the_two_time_alignments() -> None:
+    r = np.array([1.0, 1.5, 3.0, 3.0, 3.0, 3.0])
+    ahead = run([0.5, 0.0, 0.0, 0.2], 0.2, 1.0, r, dynamics="incremental", rate=np.inf)
+    assert ahead.commanded_alpha[0] == pytest.approx(0.2 + 1.6 * 0.5)
+    level = run([0.5, 0.0, 0.0, 0.2], 0.2, 1.0, r, dynamics="incremental", rate=np.inf, reference_offset=0)
+    assert level.commanded_alpha[0] == 0.2  # r[k] - r[k-1] with r[k-1] := r[k], y_0 - y_-1 = 0
+    y1 = first(yaw_plant(np.array([1.0]), level.applied[0], DT))
+    assert level.commanded_alpha[1] == pytest.approx(0.2 + 1.6 * 0.5 - 1.5 * (y1 - 1.0))
+
+
+def test_incremental_limits_and_what_is_saved() -> None:
+    r = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
+    out = run([0.5, 0.0, 0.0, 0.0], 0.0, 0.0, r, dynamics="incremental", saved="after_first_step")
+    np.testing.assert_allclose(out.applied[:, 3], 3.5 * DT * np.arange(1, 6), rtol=1e-13)
+    assert out.commanded_alpha[0] == pytest.approx(1.6)
+    assert out.U[3] == pytest.approx(3.5 * DT)
+    drawn_back = run(
+        [0.5, 0.0, 0.0, 0.0],
+        0.0,
+        0.0,
+        r,
+        dynamics="incremental",
+        saved="after_first_step",
+        saved_alpha="commanded",
+    )
+    assert drawn_back.U[3] == 1.5  # bounded, not slew-rate limited
+    applied = run([0.5, 0.0, 0.0, 0.0], 0.0, 0.0, r, dynamics="incremental", recursion="applied")
+    assert applied.commanded_alpha[1] == pytest.approx(
+        3.5 * DT + 1.6 - 1.5 * (6.0 * 3.5 * DT * DT), rel=1e-12
+    )
+
+
+def test_positional_form_ignores_the_points_own_alpha() -> None:
+    r = np.linspace(0.1, 0.3, 6)
+    one, two = (run([0.5, 0.0, 0.0, a], 0.0, 0.05, r, dynamics="positional", **FREE) for a in (-1.0, 1.0))
+    np.testing.assert_array_equal(one.applied, two.applied)
+    assert one.commanded_alpha[0] == pytest.approx(1.5 * (r[1] - 0.05) + 0.1 * r[1])
+
+
+# --------------------------------------------------------------------------- the whole step
+
+
+@pytest.mark.parametrize(("m", "l_outputs"), [(4, 1), (4, 2), (4, 3), (4, 4), (3, 1), (6, 2)])
+@pytest.mark.parametrize("noise", [1.0, 1e-4])
+def test_unbounded_linear_step_is_the_linear_oracle(m, l_outputs, noise) -> None:
+    rng = np.random.default_rng(10 * m + l_outputs)
+    U, Pu, B = rng.normal(size=m), dense_covariance(m, m), rng.normal(size=(l_outputs, m))
+    R, r, Qu = noise * dense_covariance(l_outputs, 7), rng.normal(size=l_outputs), dense_covariance(m, 8)
+    unbounded = {"umin": np.full(m, -np.inf), "umax": np.full(m, np.inf), "rate": np.inf}
+    s = pu.Settings(N=3, P_err=R, floor=1e-12, **unbounded)
+    step = pu.utc_step(
+        U, Pu, np.zeros(l_outputs), np.zeros(4), Qu, lambda x, u, dt: B @ u, lambda x: x, first, s, r
+    )
+    expected = pu.linear_oracle(U, Pu, B, R, r)
+    assert np.abs(step.U - expected).max() <= 1e-12 * max(1.0, np.abs(expected).max())
+    assert np.abs(step.U - U).max() > 1e-3
+    gain = Pu @ B.T @ np.linalg.inv(B @ Pu @ B.T + R)
+    np.testing.assert_allclose(step.updated.K, gain, atol=1e-11)
+    np.testing.assert_allclose(step.Pu, Pu + Qu - gain @ (B @ Pu @ B.T + R) @ gain.T, atol=1e-10)
+
+
+def test_linear_oracle_minimises_the_quadratic_cost() -> None:
+    """u* = argmin (u - u0)' Pu^-1 (u - u0) + (r - B u)' R^-1 (r - B u): the information form."""
+    rng = np.random.default_rng(12)
+    u0, Pu, B, R, r = (
+        rng.normal(size=4),
+        dense_covariance(4, 2),
+        rng.normal(size=(2, 4)),
+        dense_covariance(2, 3),
+        rng.normal(size=2),
+    )
+    u = pu.linear_oracle(u0, Pu, B, R, r)
+    gradient = np.linalg.solve(Pu, u - u0) - B.T @ np.linalg.solve(R, r - B @ u)
+    np.testing.assert_allclose(gradient, 0.0, atol=1e-12)
+
+
+def test_printed_weights_bias_the_predicted_output() -> None:
+    W, printed = pu.weights(4, 0.25), pu.weights(4, 0.25, "eq:zpred")
+    points, Y = np.zeros((9, 4)), np.full((9, 1), 2.0)
+    assert pu.update(np.zeros(4), np.eye(4), points, Y, W, 2.0, 1e-4).Ypred[0] == pytest.approx(2.0)
+    assert pu.update(np.zeros(4), np.eye(4), points, Y, printed, 2.0, 1e-4).Ypred[0] == pytest.approx(
+        2.0 * 0.84375
+    )
+    mixed = pu.update(np.zeros(4), np.eye(4), points, Y, W, 2.0, 1e-4, printed)
+    assert mixed.Ypred[0] == pytest.approx(2.0 * 0.84375)
+    assert mixed.C_y[0, 0] == pytest.approx(1e-4 + (2.0 * (1 - 0.84375)) ** 2)
+
+
+@pytest.mark.parametrize("dynamics", ["held", "incremental", "positional"])
+@pytest.mark.parametrize("weighting", ["eq:sigp", "eq:zpred", "eq:zpred for Ypred"])
+def test_step_from_the_printed_start_keeps_every_limit(dynamics, weighting) -> None:
+    r = np.deg2rad(400.0) * np.sin(2.0 * np.pi * 0.2 * DT * np.arange(30))
+    s = pu.Settings(dynamics=dynamics, weights=weighting, saved="after_first_step")
+    signs = (1.0, -1.0, -1.0)
+    U, Pu = np.array(pu.U_INITIAL), pu.initial_covariance(*signs)
+    step = pu.utc_step(U, Pu, np.zeros(1), r, pu.process_noise(*signs), yaw_plant, lambda x: x, first, s)
+    for values in (step.points, step.U[None, :]):
+        assert np.all(values >= pu.U_MIN)
+        assert np.all(values <= pu.U_MAX)
+    assert abs(step.U[3]) <= 3.5 * DT * (1 + 1e-12)
+    assert np.isfinite(step.Pu).all()
+    assert step.Y.shape == (9, 1)
+    assert step.saved.shape == (9, 4)
+    mean, drawn = pu.predict(step.drawn, pu.weights(4, s.W0), np.zeros((4, 4)))  # the repaired Pu, unbounded
+    np.testing.assert_allclose(mean, U, atol=1e-14)
+    np.testing.assert_allclose(drawn, pu.repair(Pu, s.floor), atol=1e-12)
+
+
+def test_mirrored_task_gives_the_mirrored_control() -> None:
+    """Swap left and right: yaw rate, alpha change sign, k_right and k_left change places."""
+    mirror = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, 1, 0, 0], [0, 0, 0, -1]])
+    r = 0.5 + np.sin(0.01 * np.arange(30))
+    U, s, results = np.array([0.5, 0.3, 0.1, 0.2]), pu.Settings(), []
+    for way, flip in ((1.0, np.eye(4)), (-1.0, mirror)):
+        s12, s13 = pu.coupling_signs("eq_q1", way * r[0], way * r[1])
+        s14 = pu.s14_sequence(way * r, 5, 1, times_reference_sign=True)[0]
+        P, Q = pu.initial_covariance(s12, s13, s14), pu.process_noise(s12, s13, s14)
+        step = pu.utc_step(flip @ U, P, np.array([way * 0.2]), way * r, Q, yaw_plant, lambda x: x, first, s)
+        results.append((flip @ step.U, flip @ step.Pu @ flip.T))
+    np.testing.assert_allclose(results[0][0], results[1][0], atol=1e-9)
+    np.testing.assert_allclose(results[0][1], results[1][1], atol=1e-8)
+
+
+def test_closed_loop_with_modelled_alpha_tracks_a_plain_yaw_plant() -> None:
+    r = np.deg2rad(100.0) * np.sin(2.0 * np.pi * 0.2 * DT * np.arange(1500))
+    s = pu.Settings(N=5, dynamics="incremental", saved="after_first_step")
+    s14 = pu.s14_sequence(r, 238, 1000, times_reference_sign=True)
+    U, x, Pu, errors = np.array(pu.U_INITIAL), np.zeros(1), pu.initial_covariance(1.0, -1.0, -1.0), []
+    for k in range(1000):
+        s12, s13 = pu.coupling_signs("eq_q1", r[k], r[k + 1])
+        step = pu.utc_step(
+            U, Pu, x, r[k : k + 6], pu.process_noise(s12, s13, s14[k]), yaw_plant, lambda z: z, first, s
+        )
+        U, Pu = step.U, step.Pu
+        x = yaw_plant(x, U, DT)
+        errors.append(x[0] - r[k + 1])
+    assert np.rad2deg(np.sqrt(np.mean(np.square(errors[476:])))) < 10.0
+
+
+# --------------------------------------------------------------------------- hands and rigid body
+
+
+def test_hands_agree_with_the_cross_product_and_with_the_papers_axes() -> None:
+    rng = np.random.default_rng(20)
+    for k_right, k_left in rng.uniform(0, 5, size=(5, 2)):
+        moment, force = pu.hand_moment_and_force(k_right, k_left)
+        right, left = np.array([0, 0, 100.0 * k_right]), np.array([0, 0, 100.0 * k_left])
+        np.testing.assert_allclose(
+            np.cross([0, -0.35, 0], right) + np.cross([0, 0.35, 0], left), moment, rtol=1e-13
+        )
+        np.testing.assert_allclose(right + left, force)
+        paper = np.array([[0, 1.0, 0], [0, 0, -1], [-1, 0, 0]])  # rows: the paper's x, y, z in FLU
+        assert np.linalg.det(paper) == pytest.approx(1.0)
+        assert (paper @ moment)[2] == pytest.approx(100.0 * 0.35 * (k_right - k_left))
+        assert (paper @ force)[1] == pytest.approx(-100.0 * (k_right + k_left))
+    assert pu.hand_moment_and_force(5.0, 0.0)[0][0] == pytest.approx(-175.0)
+
+
+def random_posture(seed: int, segments: int = 16) -> aero.Posture:
+    rng = np.random.default_rng(seed)
+    R = Rotation.random(segments, rng).as_matrix()
+    inertia = dense_covariance(3, seed) + 3.0 * np.eye(3)
+    return aero.Posture(
+        rng.normal(0, 0.4, (segments, 3)), R, rng.uniform(0.01, 0.1, (segments, 3)), 80.0, inertia
+    )
+
+
+def random_state(seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return np.concatenate(
+        [rng.normal(size=3), Rotation.random(None, rng).as_quat(), rng.normal(0, 30, 3), rng.normal(0, 3, 3)]
+    )
+
+
+U_TEST = np.array([0.5, 1.0, 0.4, 0.2])
+
+
+def test_rotation_matrix_is_scipys() -> None:
+    for seed in range(10):
+        q = Rotation.random(None, np.random.default_rng(seed)).as_quat()
+        np.testing.assert_allclose(aero.rotation_matrix(q), Rotation.from_quat(q).as_matrix(), atol=1e-15)
+        np.testing.assert_allclose(
+            aero.rotation_matrix(q, normalise=False), Rotation.from_quat(q).as_matrix(), atol=2e-15
+        )
+        np.testing.assert_allclose(
+            aero.rotation_matrix(3.0 * q), Rotation.from_quat(q).as_matrix(), atol=1e-15
+        )
+
+
+def test_quaternion_kinematics_is_scipys() -> None:
+    """R(t + h) = R(t) exp(h omega), omega in body axes; central difference of the exact motion."""
+    rng = np.random.default_rng(30)
+    for _ in range(10):
+        attitude, omega, h = Rotation.random(None, rng), rng.normal(0, 3, 3), 1e-4
+        ahead, behind = (attitude * Rotation.from_rotvec(step * omega) for step in (h, -h))
+        q, q_plus, q_minus = attitude.as_quat(), ahead.as_quat(), behind.as_quat()
+        q_plus, q_minus = (p * np.sign(p @ q) for p in (q_plus, q_minus))
+        rate = aero.quaternion_derivative(q, omega)
+        np.testing.assert_allclose(rate, (q_plus - q_minus) / (2 * h), atol=1e-6)
+        assert rate @ q == pytest.approx(0.0, abs=1e-15)
+
+
+def test_left_turn_is_a_positive_yaw_rate_about_world_up() -> None:
+    q = aero.rk4(
+        lambda x: np.concatenate([np.zeros(3), aero.quaternion_derivative(x[3:7], [0, 0, 1.0]), np.zeros(6)]),
+        np.array([0, 0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 0, 0]),
+        0.01,
+    )[3:7]
+    np.testing.assert_allclose(Rotation.from_quat(q).as_euler("xyz"), [0, 0, 0.01], atol=1e-12)
+
+
+def test_segment_forces_one_by_one() -> None:
+    p, x = random_posture(1), random_state(2)
+    V, omega = x[7:10], x[10:13]
+    forces = aero.segment_forces(V, omega, p, 1.2)
+    for i in range(16):
+        v = V + np.cross(omega, p.r[i])
+        expected = -0.5 * 1.2 * np.sqrt(v @ v) * (p.R[i] @ np.diag(p.CdA[i]) @ p.R[i].T @ v)
+        np.testing.assert_allclose(forces[i], expected, rtol=1e-12)
+        assert forces[i] @ v < 0.0  # drag takes energy
+
+
+def test_force_and_moment_is_the_sum_of_its_parts() -> None:
+    p, x, c = random_posture(3), random_state(4), aero.Constants(Cm_roll=8.0, Cm_pitch=7.0)
+    V, omega = x[7:10], x[10:13]
+    F, M = aero.force_and_moment(V, omega, U_TEST, p, c)
+    segments = aero.segment_forces(V, omega, p, c.rho)
+    scale = 0.5 * 1.225 * np.sqrt(V @ V) * 1.25 * 1.78**2 / 2
+    expected = (
+        sum(np.cross(p.r[i], segments[i]) for i in range(16)) - scale * np.array([8.0, 7.0, 0.5]) * omega
+    )
+    np.testing.assert_allclose(M, expected + np.array([35.0 * (0.4 - 1.0), 0, 0]), rtol=1e-12)
+    np.testing.assert_allclose(F, segments.sum(axis=0) + np.array([0, 0, 140.0]), rtol=1e-12)
+
+
+def test_equations_of_motion_in_world_axes() -> None:
+    """(m v)' = sum of forces, (A I omega)' = A M, in world axes, by central difference along the motion."""
+    p, x, c, h = random_posture(5), random_state(6), aero.Constants(), 1e-5
+    F, M = aero.force_and_moment(x[7:10], x[10:13], U_TEST, p, c)
+    A = aero.rotation_matrix(x[3:7])
+    derivative = aero.state_derivative(x, U_TEST, p, c)
+
+    def momenta(step: float) -> tuple[np.ndarray, np.ndarray]:
+        y = x + step * derivative
+        B = aero.rotation_matrix(y[3:7])
+        return p.m * B @ y[7:10], B @ p.inertia @ y[10:13]
+
+    (linear_plus, angular_plus), (linear_minus, angular_minus) = momenta(h), momenta(-h)
+    np.testing.assert_allclose(
+        (linear_plus - linear_minus) / (2 * h), A @ F + [0, 0, -80.0 * 9.80665], rtol=1e-6
+    )
+    np.testing.assert_allclose((angular_plus - angular_minus) / (2 * h), A @ M, rtol=1e-6, atol=1e-5)
+    np.testing.assert_allclose(derivative[:3], A @ x[7:10])
+
+
+def test_torque_free_motion_keeps_energy_and_momentum_and_falls_freely() -> None:
+    p, x, c = (
+        replace(random_posture(7), CdA=np.zeros((16, 3))),
+        random_state(8),
+        aero.Constants(Cm_roll=0.0, Cm_pitch=0.0),
+    )
+    start, u, dt, steps = x.copy(), np.zeros(4), 0.001, 500
+    for _ in range(steps):
+        x = aero.rk4(lambda y: aero.state_derivative(y, u, p, c), x, dt)
+    A0, A = aero.rotation_matrix(start[3:7]), aero.rotation_matrix(x[3:7])
+    assert x[10:13] @ p.inertia @ x[10:13] == pytest.approx(start[10:13] @ p.inertia @ start[10:13], rel=1e-9)
+    np.testing.assert_allclose(A @ p.inertia @ x[10:13], A0 @ p.inertia @ start[10:13], rtol=1e-8)
+    t, v0 = dt * steps, A0 @ start[7:10]
+    np.testing.assert_allclose(A @ x[7:10], v0 + np.array([0, 0, -c.g * t]), rtol=1e-8)
+    np.testing.assert_allclose(x[:3], start[:3] + v0 * t + [0, 0, -0.5 * c.g * t**2], rtol=1e-7)
+
+
+def test_vertical_fall_with_drag_follows_the_tanh_law() -> None:
+    p = replace(random_posture(9), r=np.zeros((16, 3)), CdA=np.full((16, 3), 0.5 / 16))
+    c, x = aero.Constants(), np.zeros(13)
+    x[6] = 1.0
+    for _ in range(400):
+        x = aero.rk4(lambda y: aero.state_derivative(y, np.array([0.5, 0, 0, 0]), p, c), x, 0.01)
+    terminal = np.sqrt(2 * 80.0 * c.g / (c.rho * 0.5))
+    assert x[9] == pytest.approx(-terminal * np.tanh(c.g * 4.0 / terminal), rel=1e-8)
+    np.testing.assert_allclose(x[[7, 8, 10, 11, 12]], 0.0, atol=1e-12)
+
+
+def test_yaw_damping_alone_decays_exponentially() -> None:
+    c = aero.Constants()
+    p = aero.Posture(
+        np.zeros((16, 3)), np.tile(np.eye(3), (16, 1, 1)), np.zeros((16, 3)), 80.0, np.diag([12.0, 3.0, 14.0])
+    )
+    x = np.array([0, 0, 0, 0, 0, 0, 1.0, 0, 0, -60.0, 0, 0, 2.0])
+    rate = aero.state_derivative(x, np.array([0.5, 0, 0, 0]), p, c)[12]
+    assert rate == pytest.approx(-0.5 * 0.5 * 1.225 * 60.0 * 1.25 * 1.78**2 / 2 * 2.0 / 14.0, rel=1e-13)
+
+
+@pytest.mark.parametrize(("step", "order"), [(aero.euler, 1), (aero.rk4, 4)])
+def test_order_of_integration_against_scipy(step, order) -> None:
+    p, start, c = random_posture(11), random_state(12), aero.Constants()
+    T = 0.02
+
+    def f(y: np.ndarray) -> np.ndarray:
+        return aero.state_derivative(y, U_TEST, p, c)
+
+    exact = solve_ivp(lambda _, y: f(y), (0.0, T), start, method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+    errors = []
+    for n in (16, 32):
+        x = start
+        for _ in range(n):
+            x = step(f, x, T / n)
+        assert np.linalg.norm(x[3:7]) == pytest.approx(1.0, abs=1e-15)
+        errors.append(np.abs(x - exact).max())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.4)
