@@ -1,10 +1,39 @@
-"""How every kernel is compiled.
+"""How every kernel is compiled and where the result is kept.
 
 Contraction, reassociation and unsigned zeros let the loops over the segments become vector code; NaN and
-infinity keep their meaning, so that checks for them work. Every process compiles from the same source with the
-same flags, and the results are cached on disk.
+infinity keep their meaning, so that checks for them work.
+Numba renews a cached kernel when its own file changes, but not when a kernel that it calls from another file
+does; so the cache lies in a folder named after the contents of all sources of the package.
 """
 
-from numba import njit
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
 
-kernel = njit(cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy")
+import numba
+
+_Function = TypeVar("_Function", bound=Callable)
+
+
+def _cache_folder() -> str:
+    package = Path(__file__).parent
+    digest = hashlib.blake2b(digest_size=6)
+    for source in sorted(package.rglob("*.py")):
+        digest.update(source.read_bytes())
+    return str(package / "__pycache__" / f"kernels_{digest.hexdigest()}")
+
+
+_CACHE_FOLDER = _cache_folder()
+
+
+def kernel(function: _Function) -> _Function:
+    """Compile a function without Python objects; where the cache folder cannot be written, numba picks another."""
+    configured = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = _CACHE_FOLDER
+    try:
+        return numba.njit(
+            cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy"
+        )(function)
+    finally:
+        numba.config.CACHE_DIR = configured

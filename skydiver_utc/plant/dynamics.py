@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.jit import kernel
-from skydiver_utc.plant.model import GEOMETRY_SIZE, GRAVITY_M_S2, INERTIA_AT, SEGMENT_COUNT, PlantModel
+from skydiver_utc.plant.model import GEOMETRY_SIZE, INERTIA_AT, SEGMENT_COUNT, PlantModel
 
 Array = NDArray[np.float64]
 
@@ -99,9 +99,9 @@ def state_derivative(
     out[4] = 0.5 * (qw * wy + qz * wx - qx * wz)
     out[5] = 0.5 * (qw * wz + qx * wy - qy * wx)
     out[6] = -0.5 * (qx * wx + qy * wy + qz * wz)
-    out[7] = fx / model.mass - GRAVITY_M_S2 * r20 - (wy * vz - wz * vy)
-    out[8] = fy / model.mass - GRAVITY_M_S2 * r21 - (wz * vx - wx * vz)
-    out[9] = fz / model.mass - GRAVITY_M_S2 * r22 - (wx * vy - wy * vx)
+    out[7] = fx / model.mass - model.gravity * r20 - (wy * vz - wz * vy)
+    out[8] = fy / model.mass - model.gravity * r21 - (wz * vx - wx * vz)
+    out[9] = fz / model.mass - model.gravity * r22 - (wx * vy - wy * vx)
 
     j = INERTIA_AT
     hx = geometry[j] * wx + geometry[j + 3] * wy + geometry[j + 4] * wz
@@ -147,7 +147,11 @@ def rk4_step(model: PlantModel, state: Array, control: Array, out: Array, work: 
 
 @kernel
 def limit_control(model: PlantModel, command: Array, previous: Array, out: Array) -> None:
-    """Actuator bounds (eq:minmax_utc), then the slew rate of alpha (eq:lim) from the previous control."""
+    """Actuator bounds (eq:minmax_utc), then the slew rate of alpha (eq:lim) from the previous control.
+
+    out (4,) may be either of the two.
+    """
+    alpha = previous[3]
     for j in range(4):
         out[j] = min(max(command[j], model.control_min[j]), model.control_max[j])
-    out[3] = min(max(out[3], previous[3] - model.alpha_slew), previous[3] + model.alpha_slew)
+    out[3] = min(max(out[3], alpha - model.alpha_slew), alpha + model.alpha_slew)

@@ -31,6 +31,7 @@ class PlantModel(NamedTuple):
     alpha_first: float
     nodes_per_rad: float
     mass: float
+    gravity: float
     half_density: float
     damping_roll: float
     damping_pitch: float
@@ -55,6 +56,7 @@ def build_model(scenario: Scenario) -> PlantModel:
         alpha_first=float(alphas[0]),
         nodes_per_rad=(plant.pattern_nodes - 1) / float(alphas[-1] - alphas[0]),
         mass=body.total_mass,
+        gravity=GRAVITY_M_S2,
         half_density=0.5 * scenario.air.density_kg_m3,
         damping_roll=plant.damping.Cm_damp_roll,
         damping_pitch=plant.damping.Cm_damp_pitch,

@@ -26,24 +26,15 @@ class SkydiverPrediction:
         self._tau = round(parameters.tau_s / model.dt)
         self.preview_steps = self._steps + self._tau
         self._work = np.empty(WORK_SIZE + STATE_SIZE + 8)
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget the yaw rate and reference of the step before."""
-        self._before: tuple[float, float, float] | None = None
 
     def __call__(
         self, state: Array, applied: Array, points: Array, preview: Array, outputs: Array, saved: Array
     ) -> None:
         """See `skydiver_utc.control.utc.Predict`; preview starts at the step of `state`."""
-        ahead = float(preview[self._tau])
-        now = (float(preview[0]), ahead, float(state[12]))
-        before = now if self._before is None else self._before
         propagate(
-            self._model, state, applied, points, preview, before, self._steps, self._tau,
+            self._model, state, applied, points, preview, self._steps, self._tau,
             self._dynamics, self._saved, self._gains, outputs, saved, self._work,
         )  # fmt: skip
-        self._before = now
 
 
 @kernel
@@ -53,7 +44,6 @@ def propagate(
     applied: Array,
     points: Array,
     preview: Array,
-    before: tuple[float, float, float],
     steps: int,
     tau: int,
     dynamics: int,
@@ -65,32 +55,33 @@ def propagate(
 ) -> None:
     """Drive the plant with each sigma point (2m+1, 4) over the horizon.
 
-    `before` holds the reference, the reference tau ahead and the yaw rate, all of one step ago [rad/s].
+    On [t_k+j, t_k+j+1) the dynamics of alpha take the reference at k+j+1 and the yaw rate at k+j, the newest that
+    is known when the control is set; the yaw rate before the first step counts as unchanged.
     Writes the yaw rates at the horizon to outputs (2m+1, 1) and U^i to saved (2m+1, 4).
     """
+    K_p, K_FF = gains
     x, wanted, control = work[:STATE_SIZE], work[STATE_SIZE : STATE_SIZE + 4], work[STATE_SIZE + 4 : STATE_SIZE + 8]
     scratch = work[STATE_SIZE + 8 :]
     for i in range(points.shape[0]):
         x[:] = state
         wanted[:] = points[i]
         control[:] = applied
-        rate_before = before[2]
+        rate_before = state[12]
         if save == 0:
             saved[i, :] = points[i]
         for j in range(steps):
+            ahead = j + 1 + tau
             if dynamics == 1:
-                r_before = preview[j - 1] if j > 0 else before[0]
-                ahead_before = preview[j + tau - 1] if j > 0 else before[1]
-                base = points[i, 3] if j == 0 else control[3]
+                own = points[i, 3] if j == 0 else control[3]
                 wanted[3] = (
-                    base
-                    + gains[0] * (preview[j] - r_before)
-                    - gains[0] * (x[12] - rate_before)
-                    + gains[1] * (preview[j + tau] - ahead_before)
+                    own
+                    + K_p * (preview[j + 1] - preview[j])
+                    - K_p * (x[12] - rate_before)
+                    + K_FF * (preview[ahead] - preview[ahead - 1])
                 )
                 rate_before = x[12]
             elif dynamics == 2:
-                wanted[3] = gains[0] * (preview[j] - x[12]) + gains[1] * preview[j + tau]
+                wanted[3] = K_p * (preview[j + 1] - x[12]) + K_FF * preview[ahead]
             limit_control(model, wanted, control, control)
             if save == 1 and j == 0:
                 saved[i, :] = control

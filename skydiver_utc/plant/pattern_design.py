@@ -1,0 +1,65 @@
+"""A turning pattern by optimisation: the most yaw for the least roll, pitch and slide."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.body.posture import ANGLES
+from skydiver_utc.body.segments import JOINTS, build_body
+from skydiver_utc.parameters import Scenario
+from skydiver_utc.plant.model import build_model
+from skydiver_utc.plant.trim import FallingBody, Trim
+
+Array = NDArray[np.float64]
+
+# A pattern and its negative are mirror images: opposite on the two sides, no flexion on the midline.
+_MIDLINE = tuple((joint, column) for joint in ("lumbar", "thorax") for column in (1, 2))
+_PAIRED = (
+    *(("shoulder", column) for column in range(3)),
+    ("elbow", 0),
+    ("elbow", 2),
+    *(("hip", column) for column in range(3)),
+    ("knee", 0),
+    ("knee", 2),
+)
+# Pattern angles at which the pattern is judged, with the weight of its yaw acceleration there.
+_JUDGED = ((0.5, 0.6), (1.0, 0.6), (1.5, 1.8))
+# Costs of squared accelerations along x, y and about x, y against yaw acceleration.
+_COST_OF_X, _COST_OF_Y, _COST_OF_ROLL, _COST_OF_PITCH = 0.05, 0.03, 0.6, 1.2
+_LARGEST_COMPONENT = 0.55
+
+
+def design_turn(scenario: Scenario, trim: Trim, rng: np.random.Generator, starts: int = 4) -> Array:
+    """Unit direction (15, 3) in joint space that turns left, found from several random starts."""
+    from scipy.optimize import minimize
+
+    falling = FallingBody(build_body(scenario.subject), build_model(scenario), trim.pitch)
+
+    def cost(free: Array) -> float:
+        direction = _direction(free)
+        norm = float(np.linalg.norm(direction))
+        total = 0.0
+        for alpha, weight in _JUDGED:
+            a = falling.acceleration(trim.angles + alpha * direction / norm, trim.speed)
+            total += _COST_OF_X * a[0] ** 2 + _COST_OF_Y * a[1] ** 2 - weight * a[5]
+            total += _COST_OF_ROLL * a[3] ** 2 + _COST_OF_PITCH * a[4] ** 2
+        return total / len(_JUDGED) + (norm - 1.0) ** 2
+
+    size = len(_MIDLINE) + len(_PAIRED)
+    bounds = [(-_LARGEST_COMPONENT, _LARGEST_COMPONENT)] * size
+    best = min(
+        (minimize(cost, 0.3 * rng.normal(size=size), method="L-BFGS-B", bounds=bounds) for _ in range(starts)),
+        key=lambda found: float(found.fun),
+    )
+    direction = _direction(best.x)
+    direction[np.abs(direction) < 1e-3 * np.linalg.norm(direction)] = 0.0
+    return direction / np.linalg.norm(direction)
+
+
+def _direction(free: Array) -> Array:
+    direction = np.zeros((len(JOINTS), len(ANGLES)))
+    for (joint, column), value in zip(_MIDLINE, free, strict=False):
+        direction[JOINTS.index(joint), column] = value
+    for (joint, column), value in zip(_PAIRED, free[len(_MIDLINE) :], strict=True):
+        direction[JOINTS.index(f"left_{joint}"), column] = value
+        direction[JOINTS.index(f"right_{joint}"), column] = -value
+    return direction

@@ -1,0 +1,10 @@
+"""Shared by all tests: where the oracle lies, and how ROS behaves under test."""
+
+import os
+import sys
+from pathlib import Path
+
+# Before rclpy is imported anywhere: field checks on, traffic kept on this machine.
+os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+sys.path.insert(0, str(Path(__file__).parent / "oracle"))
