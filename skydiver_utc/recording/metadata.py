@@ -1,0 +1,116 @@
+"""The `metadata.yaml` of a rosbag2 bag folder, version 9."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from skydiver_utc.recording.errors import RecordingError
+
+METADATA_FILE = "metadata.yaml"
+_VERSION = 9
+_NO_MESSAGE_YET_NS = 2**63 - 1  # what rosbag2 writes as the start of an empty bag
+
+
+class TopicSummary(NamedTuple):
+    """A topic as `metadata.yaml` lists it."""
+
+    name: str
+    type_name: str
+    type_hash: str
+    qos_profiles: list[dict[str, Any]]
+    message_count: int
+
+
+class _PlainDumper(yaml.SafeDumper):
+    """Writes equal parts out in full: not every reader of bags knows YAML aliases."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def parse_qos_profiles(text: str) -> list[dict[str, Any]]:
+    """Offered QoS profiles from their YAML, a list of mappings (empty text: none)."""
+    try:
+        profiles = yaml.safe_load(text) or []
+    except yaml.YAMLError as error:
+        raise RecordingError(
+            "The QoS profiles are not YAML: give a list with a mapping per profile."
+        ) from error
+    if not isinstance(profiles, list) or not all(isinstance(profile, dict) for profile in profiles):
+        raise RecordingError(
+            "The QoS profiles are no list of mappings: give a list with a mapping per profile."
+        )
+    return profiles
+
+
+def metadata_yaml(mcap_name: str, topics: Sequence[TopicSummary], log_span_ns: tuple[int, int] | None) -> str:
+    """The text of `metadata.yaml` for a bag of one file.
+
+    `log_span_ns` is the first and the last log time in ns, None in a bag without messages.
+    """
+    first, last = log_span_ns or (_NO_MESSAGE_YET_NS, _NO_MESSAGE_YET_NS)
+    span = {
+        "duration": {"nanoseconds": last - first},
+        "starting_time": {"nanoseconds_since_epoch": first},
+        "message_count": sum(topic.message_count for topic in topics),
+    }
+    information = {
+        "version": _VERSION,
+        "storage_identifier": "mcap",
+        **span,
+        "topics_with_message_count": [_topic_entry(topic) for topic in topics],
+        # Compressed chunks are the storage's own affair: to rosbag2 the bag is not compressed.
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [mcap_name],
+        "files": [{"path": mcap_name, **span}],
+        "custom_data": None,
+        "ros_distro": os.environ.get("ROS_DISTRO", "jazzy"),
+    }
+    return yaml.dump({"rosbag2_bagfile_information": information}, Dumper=_PlainDumper, sort_keys=False)
+
+
+def _topic_entry(topic: TopicSummary) -> dict[str, Any]:
+    return {
+        "topic_metadata": {
+            "name": topic.name,
+            "type": topic.type_name,
+            "serialization_format": "cdr",
+            "offered_qos_profiles": topic.qos_profiles,
+            "type_description_hash": topic.type_hash,
+        },
+        "message_count": topic.message_count,
+    }
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file so that there is either no file of that name or a whole one."""
+    draft = path.with_name(path.name + ".tmp")
+    with draft.open("w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    draft.replace(path)
+
+
+def mcap_files(folder: Path) -> list[Path]:
+    """The files of a bag folder in their order: those that its metadata names, else every .mcap in it."""
+    metadata = folder / METADATA_FILE
+    if not metadata.is_file():
+        return sorted(folder.glob("*.mcap"))
+    try:
+        information = yaml.safe_load(metadata.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+        storage, names = information["storage_identifier"], information["relative_file_paths"]
+        files = [folder / Path(name).name for name in names]
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
+        raise RecordingError(
+            f"{metadata} is not the metadata of a bag: remove it to read the .mcap beside it alone."
+        ) from error
+    if storage != "mcap":
+        raise RecordingError(
+            f"{folder} is a bag of {storage} files: convert it to mcap with `ros2 bag convert` and read that."
+        )
+    return files

@@ -1,0 +1,244 @@
+"""Reads recordings: rosbag2 bag folders with MCAP files, or bare MCAP files, without ROS."""
+
+import struct
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, McapRecord, Message, Schema, Statistics
+from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from numpy.typing import NDArray
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+from zstandard import ZstdError
+
+from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.metadata import mcap_files
+
+_MAGIC = b"\x89MCAP0\r\n"
+_RECORD_HEADER = struct.Struct("<BQ")  # opcode, length
+_MESSAGE_HEADER = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+_ENCAPSULATION_LENGTH = 4
+
+# What the libraries raise on bytes that are not what they should be (RuntimeError is lz4's).
+_DAMAGE = (McapError, ValueError, RuntimeError, LookupError, struct.error, ZstdError)
+
+Definitions = frozenset[tuple[str, str]]  # of (type name, ros2msg text)
+
+
+@dataclass(eq=False)
+class RecordedTopic:
+    """The messages of one topic, in the order of the file; times in ns."""
+
+    name: str
+    type_name: str
+    cdr: list[bytes]
+    log_times_ns: NDArray[np.int64]
+    publish_times_ns: NDArray[np.int64]
+    definitions: Definitions = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.cdr)
+
+    @cached_property
+    def messages(self) -> list[Any]:
+        """The messages with the fields of their ROS type, decoded when first asked for."""
+        try:
+            return list(_decode(self.cdr, self.type_name, _typestore(self.definitions)))
+        except (*_DAMAGE, SerdeError, TypesysError) as error:
+            raise RecordingError(
+                f"The messages of {self.name} do not fit the definition of {self.type_name} in the bag"
+                f" ({error}): leave this topic out, or record again."
+            ) from error
+
+
+def read_bag(path: Path | str, topics: Iterable[str] | None = None) -> dict[str, RecordedTopic]:
+    """The recorded topics by name, all of them or only those asked for.
+
+    `path` is a bag folder or an .mcap file. Messages are decoded when `RecordedTopic.messages` is first used,
+    so topics that are not looked at cost next to nothing. A path that is no whole bag, a bag without messages
+    and a topic that is not in the bag raise `RecordingError`.
+    """
+    contents = _Contents(None if topics is None else set(topics))
+    path = Path(path)
+    for file in _files(path):
+        contents.add(file)
+    if contents.message_count == 0:
+        raise RecordingError(f"{path} holds no messages: record the flight again.")
+    recorded = contents.topics()
+    for missing in sorted((contents.wanted or set()) - recorded.keys()):
+        there = ", ".join(sorted(contents.topic_names))
+        raise RecordingError(f"{path} has no topic {missing}: ask for some of {there}.")
+    return recorded
+
+
+def _files(path: Path) -> list[Path]:
+    if not path.exists():
+        raise RecordingError(f"{path} does not exist: give the folder of a recording or its .mcap file.")
+    files = mcap_files(path) if path.is_dir() else [path]
+    if not files:
+        raise RecordingError(f"{path} is not a bag, it has no .mcap file: give the folder of a recording.")
+    for file in files:
+        if not file.is_file():
+            raise RecordingError(f"{file} is missing from the bag: copy it back, or record the flight again.")
+    return files
+
+
+@dataclass
+class _Column:
+    """The growing content of one topic."""
+
+    type_name: str
+    log_times_ns: list[int] = field(default_factory=list)
+    publish_times_ns: list[int] = field(default_factory=list)
+    cdr: list[bytes] = field(default_factory=list)
+
+
+class _Contents:
+    """Collects the wanted messages of one file after the other."""
+
+    def __init__(self, wanted: set[str] | None) -> None:
+        self.wanted = wanted
+        self.message_count = 0
+        self.topic_names: set[str] = set()
+        self._columns: dict[str, _Column] = {}
+        self._definitions: set[tuple[str, str]] = set()
+
+    def topics(self) -> dict[str, RecordedTopic]:
+        definitions = frozenset(self._definitions)
+        return {
+            name: RecordedTopic(
+                name,
+                column.type_name,
+                column.cdr,
+                np.array(column.log_times_ns, dtype=np.int64),
+                np.array(column.publish_times_ns, dtype=np.int64),
+                definitions,
+            )
+            for name, column in self._columns.items()
+        }
+
+    def add(self, path: Path) -> None:
+        try:
+            with path.open("rb") as stream:
+                _check_whole(path, stream)
+                self._add_records(stream)
+        except OSError as error:
+            raise RecordingError(f"{path} cannot be read ({error.strerror}): check that you may.") from error
+        except _DAMAGE as error:
+            raise RecordingError(
+                f"{path} is damaged ({error}): save what is whole with `mcap recover {path} -o REPAIRED.mcap`"
+                " (https://mcap.dev) and read that."
+            ) from error
+
+    def _add_records(self, stream: BinaryIO) -> None:
+        # Schemas and channels come before their first message and again at the end of the file.
+        schemas: dict[int, Schema] = {}
+        columns: dict[int, _Column | None] = {}
+        found = 0
+        for record in StreamReader(stream, emit_chunks=True).records:
+            for part in _parts(record):
+                if isinstance(part, tuple):
+                    channel_id, log_time, publish_time, cdr = part
+                    found += 1
+                    column = columns[channel_id]
+                    if column is not None:
+                        column.log_times_ns.append(log_time)
+                        column.publish_times_ns.append(publish_time)
+                        column.cdr.append(cdr)
+                elif isinstance(part, Schema):
+                    schemas[part.id] = part
+                elif isinstance(part, Channel) and part.id not in columns:
+                    columns[part.id] = self._column(part, schemas.get(part.schema_id))
+                elif isinstance(part, Statistics) and part.message_count != found:
+                    raise ValueError(f"{found} of {part.message_count} messages found")
+        self.message_count += found
+
+    def _column(self, channel: Channel, schema: Schema | None) -> _Column | None:
+        """Where the messages of a channel go; None if its topic is not wanted."""
+        self.topic_names.add(channel.topic)
+        if self.wanted is not None and channel.topic not in self.wanted:
+            return None
+        if schema is None or schema.encoding != "ros2msg" or channel.message_encoding != "cdr":
+            raise RecordingError(
+                f"The topic {channel.topic} is not a ROS 2 message with a ros2msg definition: ask for the"
+                " topics that you want by name, without it."
+            )
+        self._definitions.add((schema.name, schema.data.decode()))
+        column = self._columns.setdefault(channel.topic, _Column(schema.name))
+        if column.type_name != schema.name:
+            raise RecordingError(
+                f"The topic {channel.topic} has two types, {column.type_name} and {schema.name}: ask for the"
+                " topics that you want by name, without it."
+            )
+        return column
+
+
+def _check_whole(path: Path, stream: BinaryIO) -> None:
+    """Refuse what is no MCAP file, and one without its end."""
+    if stream.read(len(_MAGIC)) != _MAGIC:
+        raise RecordingError(f"{path} is not an MCAP file: give the folder of a recording or its .mcap file.")
+    size = path.stat().st_size
+    stream.seek(max(size - len(_MAGIC), len(_MAGIC)))
+    if stream.read() != _MAGIC:
+        raise RecordingError(
+            f"{path} has no end, it is still being recorded or its recorder was killed: save what is there"
+            f" with `mcap recover {path} -o REPAIRED.mcap` (https://mcap.dev) and read that."
+        )
+    stream.seek(0)
+
+
+_RawMessage = tuple[int, int, int, bytes]  # channel id, log time, publish time, serialized message
+
+
+def _parts(record: McapRecord) -> Iterator[McapRecord | _RawMessage]:
+    """The records of a chunk, or the record itself; messages as tuples, a third of the library's time."""
+    if isinstance(record, Chunk):
+        yield from _parts_of_chunk(record)
+    elif isinstance(record, Message):
+        yield record.channel_id, record.log_time, record.publish_time, record.data
+    else:
+        yield record
+
+
+def _parts_of_chunk(chunk: Chunk) -> Iterator[McapRecord | _RawMessage]:
+    stream, length = get_chunk_data_stream(chunk, validate_crc=True)
+    data = stream.read(length)
+    position = 0
+    while position < length:
+        opcode, size = _RECORD_HEADER.unpack_from(data, position)
+        start = position + _RECORD_HEADER.size
+        position = start + size
+        if opcode == Opcode.MESSAGE:
+            channel_id, _, log_time, publish_time = _MESSAGE_HEADER.unpack_from(data, start)
+            yield channel_id, log_time, publish_time, data[start + _MESSAGE_HEADER.size : position]
+        elif opcode == Opcode.SCHEMA:
+            yield Schema.read(ReadDataStream(BytesIO(data[start:position])))
+        elif opcode == Opcode.CHANNEL:
+            yield Channel.read(ReadDataStream(BytesIO(data[start:position])))
+
+
+@lru_cache(maxsize=8)
+def _typestore(definitions: Definitions) -> Typestore:
+    """The types that a bag defines; building their decoders takes 0.2 s, and flights share their types."""
+    store = get_typestore(Stores.EMPTY)
+    for type_name, text in sorted(definitions):
+        store.register(get_types_from_msg(text, type_name))
+    return store
+
+
+def _decode(cdr: list[bytes], type_name: str, store: Typestore) -> Iterator[Any]:
+    # Not store.deserialize_cdr: it refuses the spare bytes that rclpy.serialization leaves at some ends.
+    definition = store.get_msgdef(type_name)
+    for data in cdr:
+        little_endian = data[1] & 1
+        decode = definition.deserialize_cdr_le if little_endian else definition.deserialize_cdr_be
+        yield decode(data[_ENCAPSULATION_LENGTH:], 0, definition.cls, store)[0]
