@@ -20,12 +20,12 @@ class CouplingSchedule:
     def reset(self) -> None:
         """Start from s14 = -1: to start turning, the yaw damping must be reduced."""
         self._s14_raw = -1.0
-        self._rate_sign = 1.0
+        self._rate_sign = 0.0
 
     def initial_covariance(self, preview: Array) -> Array:
-        """Pu (4, 4) at k = 0, with s14 = -1 and the coupling's signs at the first step."""
+        """Pu (4, 4) at k = 0, with the raw s14 = -1 and the coupling's signs at the first step."""
         s12, s13 = self._hand_signs(preview)
-        return self._matrix(s12, s13, -1.0)
+        return self._matrix(s12, s13, self._signed(-1.0, preview))
 
     def process_noise(self, preview: Array) -> Array:
         """Qu (4, 4) at the step where the reference preview [rad/s] starts."""
@@ -57,11 +57,18 @@ class CouplingSchedule:
                 change = ahead
         if change != 0.0:
             self._s14_raw = -float(np.sign(change))
+        return self._signed(self._s14_raw, preview)
+
+    def _signed(self, s14: float, preview: Array) -> float:
+        """s14 times the sign of the turn; a flight that starts from zero takes the sign of the turn to come."""
         if self._parameters.s14_sign_reading == "printed":
-            return self._s14_raw
+            return s14
         if preview[0] != 0.0:
             self._rate_sign = float(np.sign(preview[0]))
-        return self._s14_raw * self._rate_sign
+        elif self._rate_sign == 0.0:
+            coming = preview[np.flatnonzero(preview)[:1]]
+            self._rate_sign = float(np.sign(coming[0])) if len(coming) else 1.0
+        return s14 * self._rate_sign
 
     def _matrix(self, s12: float, s13: float, s14: float) -> Array:
         p = self._parameters
