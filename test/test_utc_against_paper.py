@@ -120,6 +120,7 @@ READINGS = [
     {},
     {"horizon_steps": 5, "alpha_dynamics": "incremental", "saved_control_reading": "first_step"},
     {"horizon_steps": 5, "alpha_dynamics": "incremental", "saved_control_reading": "horizon", "tau_s": 0.0084},
+    {"alpha_dynamics": "incremental", "saved_control_reading": "first_step", "first_increment_reading": "measured"},
     {"horizon_steps": 5, "alpha_dynamics": "positional", "saved_control_reading": "first_step"},
     {"saved_control_reading": "first_step"},
     {"weights_reading": "printed"},
@@ -151,6 +152,7 @@ def test_skydiver_utc_equals_the_paper(readings):
     s14 = paper.s14_sequence(reference, k_hyst, 20, times_reference_sign=True)
     x = plant.initial_state()
     U = plant.initial_control()
+    measured = None
     for k in range(12):
         window = reference[k : k + controller.preview_steps + 1]
         decision = controller.decide(x, window)
@@ -159,8 +161,11 @@ def test_skydiver_utc_equals_the_paper(readings):
             Pu = paper.initial_covariance(s12, s13, -1.0)
         Qu = paper.process_noise(s12, s13, s14[k])
         expected = paper.utc_step(
-            U, Pu, x, window, Qu, lambda s, u, dt: plant.step(s, u), lambda s: s[12:13], lambda s: float(s[12]), settings
+            U, Pu, x, window, Qu, lambda s, u, dt: plant.step(s, u), lambda s: s[12:13], lambda s: float(s[12]),
+            settings, y_before=measured,
         )  # fmt: skip
+        if parameters.first_increment_reading == "measured":
+            measured = float(x[12])
         np.testing.assert_allclose(decision.control, expected.U, rtol=1e-7, atol=1e-8)
         assert decision.telemetry[0] == pytest.approx(float(expected.updated.Ypred[0]), rel=1e-8, abs=1e-10)
         U, Pu = expected.U, expected.Pu

@@ -65,6 +65,10 @@ class UtcParameters(Parameters, tag_field="kind", tag="utc"):
         Literal["drawn", "first_step", "horizon"],
         text("U^i of eq:xpred: as drawn and bounded, after the first step, or at the horizon (printed)"),
     ] = "drawn"
+    first_increment_reading: Annotated[
+        Literal["unchanged", "measured"],
+        text("yaw rate of one step ago in eq:m1utc at the start of the horizon: as now, or as measured"),
+    ] = "unchanged"
     move_reading: Annotated[
         Literal["unclipped", "printed"],
         text("eq:movep on the unclipped sigma point, or after clipping as printed (never acts)"),

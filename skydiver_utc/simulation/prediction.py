@@ -25,14 +25,24 @@ class SkydiverPrediction:
         self._gains = (parameters.K_p, parameters.K_FF)
         self._tau = round(parameters.tau_s / model.dt)
         self.preview_steps = self._steps + self._tau
+        self._measured = parameters.first_increment_reading == "measured"
         self._work = np.empty(WORK_SIZE + STATE_SIZE + 8)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the yaw rate measured last."""
+        self._measured_before: float | None = None
 
     def __call__(
         self, state: Array, applied: Array, points: Array, preview: Array, outputs: Array, saved: Array
     ) -> None:
         """See `skydiver_utc.control.utc.Predict`; preview starts at the step of `state`."""
+        rate = float(state[12])
+        rate_before = rate if self._measured_before is None else self._measured_before
+        if self._measured:
+            self._measured_before = rate
         propagate(
-            self._model, state, applied, points, preview, self._steps, self._tau,
+            self._model, state, applied, points, preview, rate_before, self._steps, self._tau,
             self._dynamics, self._saved, self._gains, outputs, saved, self._work,
         )  # fmt: skip
 
@@ -44,6 +54,7 @@ def propagate(
     applied: Array,
     points: Array,
     preview: Array,
+    first_rate_before: float,
     steps: int,
     tau: int,
     dynamics: int,
@@ -56,7 +67,7 @@ def propagate(
     """Drive the plant with each sigma point (2m+1, 4) over the horizon.
 
     On [t_k+j, t_k+j+1) the dynamics of alpha take the reference at k+j+1 and the yaw rate at k+j, the newest that
-    is known when the control is set; the yaw rate before the first step counts as unchanged.
+    is known when the control is set; `first_rate_before` stands for the yaw rate at k-1 [rad/s].
     Writes the yaw rates at the horizon to outputs (2m+1, 1) and U^i to saved (2m+1, 4).
     """
     K_p, K_FF = gains
@@ -66,7 +77,7 @@ def propagate(
         x[:] = state
         wanted[:] = points[i]
         control[:] = applied
-        rate_before = state[12]
+        rate_before = first_rate_before
         if save == 0:
             saved[i, :] = points[i]
         for j in range(steps):

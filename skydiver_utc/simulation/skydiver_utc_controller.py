@@ -49,6 +49,7 @@ class SkydiverUtc:
 
     def reset(self) -> None:
         """Start again; Pu is set at the first decision, because its signs need the reference."""
+        self._prediction.reset()
         self._coupling.reset()
         self._started = False
 
