@@ -83,7 +83,9 @@ def command(*arguments: str) -> Callable[[], float]:
 
     def once() -> float:
         begin = time.perf_counter()
-        subprocess.run([sys.executable, "-m", "skydiver_utc.cli", *arguments], check=True, capture_output=True)
+        subprocess.run(
+            [sys.executable, "-m", "skydiver_utc.cli", *arguments], check=True, capture_output=True
+        )
         return time.perf_counter() - begin
 
     return once
@@ -121,7 +123,11 @@ def measure() -> list[dict[str, object]]:
 def machine() -> dict[str, str]:
     """What the figures were measured on."""
     cpu = next(
-        (line.split(":")[1].strip() for line in Path("/proc/cpuinfo").read_text().splitlines() if "model name" in line),
+        (
+            line.split(":")[1].strip()
+            for line in Path("/proc/cpuinfo").read_text().splitlines()
+            if "model name" in line
+        ),
         platform.processor(),
     )
     versions = {name: version(name) for name in ("numpy", "numba", "scipy")}

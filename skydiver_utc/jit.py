@@ -9,11 +9,11 @@ does; so the cache lies in a folder named after the contents of all sources of t
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numba
 
-_Function = TypeVar("_Function", bound=Callable)
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def _cache_folder() -> str:
@@ -29,11 +29,14 @@ _CACHE_FOLDER = _cache_folder()
 
 def kernel(function: _Function) -> _Function:
     """Compile a function without Python objects; where the cache folder cannot be written, numba picks another."""
-    configured = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _CACHE_FOLDER
+    settings: Any = numba.config
+    configured = settings.CACHE_DIR
+    settings.CACHE_DIR = _CACHE_FOLDER
     try:
-        return numba.njit(
-            cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy"
-        )(function)
+        compiled: Any = numba.njit(cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy")(
+            function
+        )
     finally:
-        numba.config.CACHE_DIR = configured
+        settings.CACHE_DIR = configured
+    result: _Function = compiled
+    return result

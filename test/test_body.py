@@ -112,8 +112,6 @@ def test_turn_pattern_is_mirrored_by_its_negative():
 
 
 def test_unknown_joint_is_named():
-    posture = Posture(
-        name="p", description="", source="", joint_angles_deg={"left_toe": (0.0, 0.0, 0.0)}
-    )
+    posture = Posture(name="p", description="", source="", joint_angles_deg={"left_toe": (0.0, 0.0, 0.0)})
     with pytest.raises(ParameterError, match="left_toe"):
         posture_angles(posture)

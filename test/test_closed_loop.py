@@ -106,7 +106,9 @@ def test_commands_respect_bounds_and_slew_rate():
 )
 def test_every_printed_reading_flies(reading):
     """Each can be chosen and gives finite states; how well it tracks stands in docs/findings.md."""
-    flight = simulate(load_scenario(FAST, {"duration_s": 2.0} | {f"controller.{k}": v for k, v in reading.items()}))
+    flight = simulate(
+        load_scenario(FAST, {"duration_s": 2.0} | {f"controller.{k}": v for k, v in reading.items()})
+    )
     assert np.isfinite(flight.states).all()
 
 
@@ -125,6 +127,8 @@ def test_a_flight_that_leaves_the_model_ends_as_diverged():
 
 def test_progress_ends_with_all_steps():
     seen = []
-    simulate(load_scenario("bank_recovery", {"duration_s": 1.0}), lambda done, steps: seen.append((done, steps)))
+    simulate(
+        load_scenario("bank_recovery", {"duration_s": 1.0}), lambda done, steps: seen.append((done, steps))
+    )
     assert seen[-1] == (239, 239)
     assert seen == sorted(seen)

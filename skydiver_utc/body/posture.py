@@ -70,7 +70,9 @@ def joint_angle_names() -> tuple[str, ...]:
 def _joint_rows(rows: dict[str, tuple[float, float, float]], what: str) -> Array:
     unknown = sorted(set(rows) - set(JOINTS))
     if unknown:
-        raise ParameterError(f"{what} names unknown joints {', '.join(unknown)}: choose from {', '.join(JOINTS)}")
+        raise ParameterError(
+            f"{what} names unknown joints {', '.join(unknown)}: choose from {', '.join(JOINTS)}"
+        )
     return np.array([rows.get(joint, (0.0, 0.0, 0.0)) for joint in JOINTS])
 
 

@@ -4,6 +4,7 @@ Zero pose: standing upright, arms at the sides, palms to the thighs, feet at rig
 In the zero pose every segment's axes are those of the body: x to the head, y to the left, z dorsal.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -133,7 +134,9 @@ def _segment_rows(
     if distal is _VENTRAL:
         from_proximal -= _ANKLE_FROM_HEEL * length
     centre = distal * from_proximal
-    long, ml, ap = (mass * (length * g) ** 2 for g in (data.gyration_long, data.gyration_ml, data.gyration_ap))
+    long, ml, ap = (
+        mass * (length * g) ** 2 for g in (data.gyration_long, data.gyration_ml, data.gyration_ap)
+    )
     front, side, axial = (a * _area_scale(subject) for a in subject.suit.drag_areas_m2[segment.kind])
     if distal is _VENTRAL:
         return centre, mass, np.array([ap, ml, long]), np.array([front, side, axial])
@@ -144,7 +147,7 @@ def _area_scale(subject: Subject) -> float:
     """Areas grow with length times breadth, breadth with the root of mass per length."""
     suit = subject.suit
     length = subject.height_m / suit.reference_height_m
-    return length * (subject.mass_kg / suit.reference_mass_kg / length) ** 0.5
+    return length * math.sqrt(subject.mass_kg / suit.reference_mass_kg / length)
 
 
 def _joint_position(segment: Segment, subject: Subject, lengths: dict[str, float]) -> Array:

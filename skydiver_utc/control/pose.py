@@ -14,7 +14,7 @@ class PoseController:
     """Moves the turning pattern's angle; yaw damping is constant and the hands rest."""
 
     preview_steps = 0
-    telemetry_names = ("yaw_rate_error", "alpha_unlimited")
+    telemetry_names: tuple[str, ...] = ("yaw_rate_error", "alpha_unlimited")
 
     def __init__(self, parameters: PoseControllerParameters, limits: ControlLimits, initial: Array) -> None:
         self._parameters = parameters

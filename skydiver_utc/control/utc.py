@@ -89,7 +89,9 @@ class UnscentedTransformController:
             s.control, s.predicted, s.covariance, s.output_covariance, s.gain, s.innovation,
         )  # fmt: skip
         if kept:
-            return UtcStep(self.control.copy(), s.predicted.copy(), s.innovation.copy(), repaired, Status.KEPT_PREVIOUS)
+            return UtcStep(
+                self.control.copy(), s.predicted.copy(), s.innovation.copy(), repaired, Status.KEPT_PREVIOUS
+            )
         control = self._limits.apply(s.control, self.control)
         status = Status.SOLVED
         if (control != s.control).any():

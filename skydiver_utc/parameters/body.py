@@ -11,7 +11,7 @@ AngleDeg = Annotated[float, quantity("deg", "joint angle", ge=-180, le=180)]
 Component = Annotated[float, quantity("rad/rad", "joint angle per unit of pattern angle", ge=-1, le=1)]
 
 
-class SegmentData(Parameters):
+class SegmentData(Parameters, frozen=True):
     """Inertial parameters of one segment as shares of the body's mass and the segment's length."""
 
     mass_fraction: Fraction
@@ -22,7 +22,7 @@ class SegmentData(Parameters):
     gyration_long: Fraction
 
 
-class SegmentTable(Parameters):
+class SegmentTable(Parameters, frozen=True):
     """Segment parameters of a population, for bilateral segments one entry serves both sides."""
 
     name: str
@@ -38,7 +38,7 @@ class SegmentTable(Parameters):
     segments: dict[str, SegmentData]
 
 
-class Suit(Parameters):
+class Suit(Parameters, frozen=True):
     """Drag areas of the dressed segments of a reference subject: front, side and axial."""
 
     name: str
@@ -48,7 +48,7 @@ class Suit(Parameters):
     drag_areas_m2: dict[str, tuple[Area, Area, Area]]
 
 
-class Subject(Parameters):
+class Subject(Parameters, frozen=True):
     """Who falls."""
 
     name: str
@@ -58,7 +58,7 @@ class Subject(Parameters):
     suit: Suit
 
 
-class Posture(Parameters):
+class Posture(Parameters, frozen=True):
     """Joint angles in degrees: flexion, abduction, internal rotation; a joint left out is at zero."""
 
     name: str
@@ -67,7 +67,7 @@ class Posture(Parameters):
     joint_angles_deg: dict[str, tuple[AngleDeg, AngleDeg, AngleDeg]]
 
 
-class MovementPattern(Parameters):
+class MovementPattern(Parameters, frozen=True):
     """Direction in joint space, of unit norm, that one pattern angle moves along."""
 
     name: str

@@ -9,7 +9,7 @@ Variance = Annotated[float, quantity("control^2", "variance of one control", ge=
 Magnitude = Annotated[float, quantity("control^2", "size of one covariance", ge=0, le=1e6)]
 
 
-class PoseControllerParameters(Parameters, tag_field="kind", tag="pose"):
+class PoseControllerParameters(Parameters, frozen=True, tag_field="kind", tag="pose"):
     """Proportional control of the pattern angle with feed-forward (eq:lim)."""
 
     K_p: Gain = 1.5
@@ -17,7 +17,7 @@ class PoseControllerParameters(Parameters, tag_field="kind", tag="pose"):
     Cm_damp_yaw: Annotated[float, quantity("1", "constant yaw damping coefficient", ge=0, le=50)] = 0.5
 
 
-class UtcParameters(Parameters, tag_field="kind", tag="utc"):
+class UtcParameters(Parameters, frozen=True, tag_field="kind", tag="utc"):
     """The Unscented Transform Controller, section 3 of the paper.
 
     Fields that end in ``_reading`` choose between the equation as printed and the reading that works.

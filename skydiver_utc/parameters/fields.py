@@ -1,5 +1,7 @@
 """What every parameter field carries: a unit, a description and bounds."""
 
+from typing import Any
+
 import msgspec
 
 
@@ -17,7 +19,8 @@ def quantity(
     le: float | None = None,
 ) -> msgspec.Meta:
     """Annotation of one number: its unit ("1" where it has none), meaning and bounds."""
-    return msgspec.Meta(description=description, extra={"unit": unit}, gt=gt, ge=ge, lt=lt, le=le)
+    bounds: dict[str, Any] = {"gt": gt, "ge": ge, "lt": lt, "le": le}
+    return msgspec.Meta(description=description, extra={"unit": unit}, **bounds)
 
 
 def text(description: str) -> msgspec.Meta:

@@ -94,9 +94,12 @@ def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     merged = dict(base)
     for key, value in over.items():
         old = merged.get(key)
-        both = isinstance(old, dict) and isinstance(value, dict)
-        same_kind = both and value.get("kind", old.get("kind")) == old.get("kind")
-        merged[key] = _merge(old, value) if both and same_kind else value
+        # A block of another kind (a sine for a constant) replaces the old one whole.
+        if isinstance(old, dict) and isinstance(value, dict):
+            alike = value.get("kind", old.get("kind")) == old.get("kind")
+            merged[key] = _merge(old, value) if alike else value
+        else:
+            merged[key] = value
     return merged
 
 

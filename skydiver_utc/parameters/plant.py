@@ -7,13 +7,13 @@ from skydiver_utc.parameters.fields import Parameters, quantity
 Range = tuple[float, float]
 
 
-class Air(Parameters):
+class Air(Parameters, frozen=True):
     """The air fallen through."""
 
     density_kg_m3: Annotated[float, quantity("kg/m3", "air density, constant over the run", gt=0, le=2)]
 
 
-class Damping(Parameters):
+class Damping(Parameters, frozen=True):
     """Damping moments -Cm 1/2 rho |V| S L^2/2 omega; the yaw coefficient is a control."""
 
     Cm_damp_roll: Annotated[float, quantity("1", "roll damping moment coefficient", ge=0, le=50)]
@@ -22,14 +22,14 @@ class Damping(Parameters):
     reference_length_m: Annotated[float, quantity("m", "reference length L", gt=0, le=3)]
 
 
-class Hands(Parameters):
+class Hands(Parameters, frozen=True):
     """Input moment of the hands (eq_force2)."""
 
     K_N: Annotated[float, quantity("N", "hand force for a unit coefficient", ge=0, le=500)]
     lx_m: Annotated[float, quantity("m", "distance of the hands from the long axis", ge=0, le=1)]
 
 
-class Limits(Parameters):
+class Limits(Parameters, frozen=True):
     """Actuator limits (eq:minmax_utc) and slew rate of the pattern angle (eq:lim)."""
 
     Cm_damp_yaw: Range
@@ -42,7 +42,9 @@ class Limits(Parameters):
         for name in ("Cm_damp_yaw", "k_right", "k_left", "alpha"):
             lower, upper = getattr(self, name)
             if not lower < upper:
-                raise ValueError(f"limits of {name} are upside down: write the smaller of {lower}, {upper} first")
+                raise ValueError(
+                    f"limits of {name} are upside down: write the smaller of {lower}, {upper} first"
+                )
         if self.Cm_damp_yaw[0] < 0:
             raise ValueError("limits of Cm_damp_yaw must not be negative: negative damping is not a damping")
 
@@ -57,7 +59,7 @@ class Limits(Parameters):
         return (self.Cm_damp_yaw[1], self.k_right[1], self.k_left[1], self.alpha[1])
 
 
-class PlantParameters(Parameters):
+class PlantParameters(Parameters, frozen=True):
     """Everything about the fall that is not the body."""
 
     damping: Damping
@@ -66,7 +68,7 @@ class PlantParameters(Parameters):
     pattern_nodes: Annotated[int, quantity("1", "nodes of the posture table over alpha", ge=9, le=1025)] = 65
 
 
-class InitialCondition(Parameters):
+class InitialCondition(Parameters, frozen=True):
     """Where the flight starts: attitude, speed and the control then applied."""
 
     altitude_m: Annotated[float, quantity("m", "height of the world origin's vertical axis", ge=0, le=40000)]

@@ -7,7 +7,7 @@ from skydiver_utc.parameters.fields import Parameters, quantity
 RateDegS = Annotated[float, quantity("deg/s", "yaw rate, positive in a left turn", ge=-2000, le=2000)]
 
 
-class SineReference(Parameters, tag_field="kind", tag="sine"):
+class SineReference(Parameters, frozen=True, tag_field="kind", tag="sine"):
     """Yaw rate amplitude sin(2 pi frequency t), eq:yr_com."""
 
     amplitude_deg_s: RateDegS
@@ -19,7 +19,7 @@ class SineReference(Parameters, tag_field="kind", tag="sine"):
         return abs(self.amplitude_deg_s)
 
 
-class ConstantReference(Parameters, tag_field="kind", tag="constant"):
+class ConstantReference(Parameters, frozen=True, tag_field="kind", tag="constant"):
     """A constant yaw rate; zero is a straight fall."""
 
     yaw_rate_deg_s: RateDegS = 0.0

@@ -10,7 +10,7 @@ from skydiver_utc.parameters.plant import Air, InitialCondition, PlantParameters
 from skydiver_utc.parameters.reference import Reference
 
 
-class Scenario(Parameters, kw_only=True):
+class Scenario(Parameters, frozen=True, kw_only=True):
     """A flight, resolved: no names of other files are left in it."""
 
     name: str

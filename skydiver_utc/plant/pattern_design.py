@@ -47,7 +47,10 @@ def design_turn(scenario: Scenario, trim: Trim, rng: np.random.Generator, starts
     size = len(_MIDLINE) + len(_PAIRED)
     bounds = [(-_LARGEST_COMPONENT, _LARGEST_COMPONENT)] * size
     best = min(
-        (minimize(cost, 0.3 * rng.normal(size=size), method="L-BFGS-B", bounds=bounds) for _ in range(starts)),
+        (
+            minimize(cost, 0.3 * rng.normal(size=size), method="L-BFGS-B", bounds=bounds)
+            for _ in range(starts)
+        ),
         key=lambda found: float(found.fun),
     )
     direction = _direction(best.x)

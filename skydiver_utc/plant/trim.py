@@ -49,12 +49,12 @@ def straight_fall(scenario: Scenario, posture: Posture, pitch_deg: float) -> Tri
 
     Least squares in the joint angles under three equations: no acceleration along x and z, none about y.
     """
-    from scipy.optimize import minimize
+    from scipy.optimize import NonlinearConstraint, minimize
 
     body, pitch = build_body(scenario.subject), float(np.deg2rad(pitch_deg))
     falling = FallingBody(body, build_model(scenario), pitch)
     typical = posture_angles(posture)
-    start = np.array([typical[JOINTS.index(f"left_{joint}"), column] for joint, column in FREE_ANGLES])
+    start: Array = np.array([typical[JOINTS.index(f"left_{joint}"), column] for joint, column in FREE_ANGLES])
     speed_unit = 50.0
 
     def placed(free: Array) -> Array:
@@ -67,10 +67,14 @@ def straight_fall(scenario: Scenario, posture: Posture, pitch_deg: float) -> Tri
     def balance(x: Array) -> Array:
         return falling.acceleration(placed(x[:-1]), x[-1] * speed_unit)[[0, 2, 4]]
 
+    def distance(x: Array) -> float:
+        return float(((x[:-1] - start) ** 2).sum())
+
+    first_guess: Array = np.concatenate([start, [1.1]])
     found = minimize(
-        lambda x: float(((x[:-1] - start) ** 2).sum()),
-        np.append(start, 1.1),
-        constraints={"type": "eq", "fun": balance},
+        distance,
+        first_guess,
+        constraints=NonlinearConstraint(balance, 0.0, 0.0),
         method="SLSQP",
         options={"maxiter": 500, "ftol": 1e-14},
     )

@@ -34,7 +34,8 @@ class Flight:
     @property
     def time_s(self) -> NDArray[np.float64]:
         """Time of each state, shape (K+1,)."""
-        return np.arange(len(self.states)) * self.scenario.dt_s
+        time_s: NDArray[np.float64] = np.arange(len(self.states), dtype=np.float64)
+        return self.scenario.dt_s * time_s
 
     @property
     def yaw_rate(self) -> NDArray[np.float64]:

@@ -71,7 +71,11 @@ def propagate(
     Writes the yaw rates at the horizon to outputs (2m+1, 1) and U^i to saved (2m+1, 4).
     """
     K_p, K_FF = gains
-    x, wanted, control = work[:STATE_SIZE], work[STATE_SIZE : STATE_SIZE + 4], work[STATE_SIZE + 4 : STATE_SIZE + 8]
+    x, wanted, control = (
+        work[:STATE_SIZE],
+        work[STATE_SIZE : STATE_SIZE + 4],
+        work[STATE_SIZE + 4 : STATE_SIZE + 8],
+    )
     scratch = work[STATE_SIZE + 8 :]
     for i in range(points.shape[0]):
         x[:] = state

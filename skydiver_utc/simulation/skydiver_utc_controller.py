@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 class SkydiverUtc:
     """Tracks the yaw rate with yaw damping, two hands and the turning pattern."""
 
-    telemetry_names = (
+    telemetry_names: tuple[str, ...] = (
         "predicted_yaw_rate",
         "innovation",
         *(f"std_{name}" for name in CONTROL_NAMES),
