@@ -1,7 +1,8 @@
 """How every kernel is compiled and where the result is kept.
 
 Contraction, reassociation and unsigned zeros let the loops over the segments become vector code; NaN and
-infinity keep their meaning, so that checks for them work.
+infinity keep their meaning, so that checks for them work. Kernels are inlined into those that call them: otherwise
+the order of additions, and with it the last bit, would depend on whether the callee came from the cache.
 Numba renews a cached kernel when its own file changes, but not when a kernel that it calls from another file
 does; so the cache lies in a folder named after the contents of all sources of the package.
 """
@@ -33,9 +34,9 @@ def kernel(function: _Function) -> _Function:
     configured = settings.CACHE_DIR
     settings.CACHE_DIR = _CACHE_FOLDER
     try:
-        compiled: Any = numba.njit(cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy")(
-            function
-        )
+        compiled: Any = numba.njit(
+            cache=True, inline="always", fastmath={"contract", "reassoc", "nsz"}, error_model="numpy"
+        )(function)
     finally:
         settings.CACHE_DIR = configured
     result: _Function = compiled

@@ -30,7 +30,9 @@ def dense_covariance(rng, m):
     return factor @ factor.T + 0.1 * np.eye(m)
 
 
-@pytest.mark.parametrize(("m", "outputs", "W0"), [(4, 1, 0.25), (4, 2, 0.25), (3, 3, 0.0), (6, 2, -0.5), (1, 1, 0.25)])
+@pytest.mark.parametrize(
+    ("m", "outputs", "W0"), [(4, 1, 0.25), (4, 2, 0.25), (3, 3, 0.0), (6, 2, -0.5), (1, 1, 0.25)]
+)
 def test_linear_oracle(m, outputs, W0):
     """For y = B u without bounds the update is u0 + K (r - B u0), K = Pu B' (B Pu B' + R)^-1, to 1e-12."""
     rng = np.random.default_rng(m)
@@ -119,8 +121,17 @@ def test_one_step_equals_the_paper(seed, move):
 READINGS = [
     {},
     {"horizon_steps": 5, "alpha_dynamics": "incremental", "saved_control_reading": "first_step"},
-    {"horizon_steps": 5, "alpha_dynamics": "incremental", "saved_control_reading": "horizon", "tau_s": 0.0084},
-    {"alpha_dynamics": "incremental", "saved_control_reading": "first_step", "first_increment_reading": "measured"},
+    {
+        "horizon_steps": 5,
+        "alpha_dynamics": "incremental",
+        "saved_control_reading": "horizon",
+        "tau_s": 0.0084,
+    },
+    {
+        "alpha_dynamics": "incremental",
+        "saved_control_reading": "first_step",
+        "first_increment_reading": "measured",
+    },
     {"horizon_steps": 5, "alpha_dynamics": "positional", "saved_control_reading": "first_step"},
     {"saved_control_reading": "first_step"},
     {"weights_reading": "printed"},
@@ -189,7 +200,9 @@ def test_s14_over_the_whole_turn(recursion, sign):
     np.testing.assert_array_equal(got, expected)
 
 
-@pytest.mark.parametrize(("coupling", "label"), [("yaw_rate", "eq_q1"), ("yaw_acceleration", "eq_q3"), ("none", "none")])
+@pytest.mark.parametrize(
+    ("coupling", "label"), [("yaw_rate", "eq_q1"), ("yaw_acceleration", "eq_q3"), ("none", "none")]
+)
 def test_process_noise_signs(coupling, label):
     rng = np.random.default_rng(1)
     schedule = CouplingSchedule(UtcParameters(coupling=coupling), k_hyst=2)

@@ -19,8 +19,8 @@ from skydiver_utc.plant.model import GEOMETRY_SIZE, INERTIA_AT, SEGMENT_COUNT, P
 Array = NDArray[np.float64]
 
 STATE_SIZE = 13
-# Work space of `rk4_step`: geometry, inverse inertia, five states.
-WORK_SIZE = GEOMETRY_SIZE + 6 + 5 * STATE_SIZE
+# Work space of `rk4_step`: geometry, inverse inertia, three states.
+WORK_SIZE = GEOMETRY_SIZE + 6 + 3 * STATE_SIZE
 
 
 @kernel
@@ -122,24 +122,23 @@ def rk4_step(model: PlantModel, state: Array, control: Array, out: Array, work: 
     out (13,) may be the state itself; work is scratch of `WORK_SIZE` numbers.
     """
     g, n, dt = GEOMETRY_SIZE, STATE_SIZE, model.dt
-    geometry, inverse = work[:g], work[g : g + 6]
-    k1, k2 = work[g + 6 : g + 6 + n], work[g + 6 + n : g + 6 + 2 * n]
-    k3, k4 = work[g + 6 + 2 * n : g + 6 + 3 * n], work[g + 6 + 3 * n : g + 6 + 4 * n]
-    probe = work[g + 6 + 4 * n : g + 6 + 5 * n]
+    geometry, inverse, slope = work[:g], work[g : g + 6], work[g + 6 : g + 6 + n]
+    probe, following = work[g + 6 + n : g + 6 + 2 * n], work[g + 6 + 2 * n : g + 6 + 3 * n]
     posture_geometry(model, control[3], geometry)
     invert_inertia(geometry, inverse)
-    state_derivative(model, geometry, inverse, control, state, k1)
     for i in range(n):
-        probe[i] = state[i] + 0.5 * dt * k1[i]
-    state_derivative(model, geometry, inverse, control, probe, k2)
+        probe[i] = state[i]
+        following[i] = state[i]
+    # One body for the four stages: unrolled, it would be inlined four times over and compile as long.
+    for stage in range(4):
+        state_derivative(model, geometry, inverse, control, probe, slope)
+        share = dt / 6.0 if stage == 0 or stage == 3 else dt / 3.0
+        reach = dt if stage == 2 else 0.5 * dt
+        for i in range(n):
+            following[i] += share * slope[i]
+            probe[i] = state[i] + reach * slope[i]
     for i in range(n):
-        probe[i] = state[i] + 0.5 * dt * k2[i]
-    state_derivative(model, geometry, inverse, control, probe, k3)
-    for i in range(n):
-        probe[i] = state[i] + dt * k3[i]
-    state_derivative(model, geometry, inverse, control, probe, k4)
-    for i in range(n):
-        out[i] = state[i] + dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
+        out[i] = following[i]
     scale = 1.0 / np.sqrt(out[3] * out[3] + out[4] * out[4] + out[5] * out[5] + out[6] * out[6])
     for i in range(3, 7):
         out[i] *= scale

@@ -1,0 +1,53 @@
+PYTHON ?= python3
+VENV ?= .venv
+SCENARIO ?= fast_turn_unknown_dynamics
+
+# The package is installed as a user would have it, anew when anything that is installed has changed:
+# the name of the stamp carries a checksum of it all.
+INSTALLED_FROM := setup.py setup.cfg pyproject.toml package.xml config launch resource ros2_run skydiver_utc
+CHECKSUM := $(shell find $(INSTALLED_FROM) -type f -not -path '*/__pycache__/*' | LC_ALL=C sort | xargs sha256sum | sha256sum | cut -c 1-16)
+STAMP := $(VENV)/installed-$(CHECKSUM)
+
+export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+
+.PHONY: help install demo test lint bench clean
+
+help:
+	@echo "make demo      fly SCENARIO ($(SCENARIO)) over ROS and record it below bags/"
+	@echo "make test      all tests; ARGS=... goes to pytest"
+	@echo "make lint      ruff and mypy"
+	@echo "make bench     time the plant, the controllers and the closed loop"
+	@echo "make install   only install into $(VENV)"
+	@echo "make clean     remove what builds and tests left behind; keeps $(VENV) and bags/"
+
+install: $(STAMP)
+
+demo: $(STAMP)
+	$(VENV)/bin/skydiver-utc run $(SCENARIO)
+
+test: $(STAMP)
+	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/pytest $(ARGS)
+
+lint: $(STAMP)
+	$(VENV)/bin/ruff check
+	$(VENV)/bin/ruff format --check
+	$(VENV)/bin/mypy
+
+bench: $(STAMP)
+	$(VENV)/bin/python benchmarks/run.py $(ARGS)
+
+clean:
+	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find $(INSTALLED_FROM) test benchmarks -name __pycache__ -prune -exec rm -rf {} +
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+
+# setuptools copies whatever an earlier build left in build/lib, deleted modules too.
+$(STAMP): | $(VENV)/bin/python
+	@echo "Installing skydiver_utc into $(VENV); the first time takes some minutes."
+	rm -rf build/lib build/bdist.*
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check 'pip>=24' 'setuptools>=77'
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation '.[ros,test,dev]'
+	rm -f $(VENV)/installed-*
+	touch $@

@@ -1,0 +1,62 @@
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "skydiver_utc"
+NODES = ("plant_node", "reference_node", "controller_node", "recorder_node")
+
+
+def shared(folder: str) -> list[tuple[str, list[str]]]:
+    """Every file below `folder`, for share/skydiver_utc with its subfolders kept."""
+    files = sorted(path for path in Path(folder).rglob("*") if path.is_file())
+    return [(f"share/{NAME}/{path.parent.as_posix()}", [path.as_posix()]) for path in files]
+
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="A virtual skydiver in free fall, flown by the Unscented Transform Controller",
+    maintainer="skydiver_utc maintainers",
+    maintainer_email="maintainers@skydiver-utc.example",
+    license="Apache-2.0",
+    python_requires=">=3.10",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    install_requires=[
+        "click>=8.1.6",
+        "matplotlib>=3.6.3",
+        "mcap>=1.5",
+        "msgspec>=0.19",
+        "numba>=0.61",
+        "numpy>=1.26",
+        "pyyaml>=6.0.1",
+        "rich>=13.7",
+        "rosbags>=0.11",
+        "scipy>=1.11",
+        "zstandard>=0.21",
+    ],
+    extras_require={
+        # A ROS 2 installation brings its own; without one these are the same rclpy and messages as wheels.
+        "ros": ["ros-jazzy-common-interfaces", "ros-jazzy-rclpy[fastrtps]"],
+        "test": [
+            "click>=8.2",
+            "hypothesis>=6.98",
+            "mcap-ros2-support>=0.5",
+            "pytest>=7.4",
+            "pytest-xdist>=3.4",
+        ],
+        "dev": ["mypy>=1.11", "ruff>=0.9", "scipy-stubs", "types-PyYAML"],
+    },
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"lib/{NAME}", [f"ros2_run/{node}" for node in NODES]),
+        *shared("config"),
+        *shared("launch"),
+    ],
+    entry_points={
+        "console_scripts": [
+            f"skydiver-utc = {NAME}.cli:main",
+            *(f"{node} = {NAME}.nodes.{node}:main" for node in NODES),
+        ],
+    },
+)

@@ -1,0 +1,39 @@
+"""Metrics as people read them: label, number and unit."""
+
+from typing import Any, NamedTuple
+
+_ROWS = (
+    ("rmse_deg_s", "RMSE from 2 s on", "deg/s", ".2f"),
+    ("max_abs_error_deg_s", "largest error from 2 s on", "deg/s", ".2f"),
+    ("convergence_time_s", "inside 5 % for good from", "s", ".2f"),
+    ("peak_yaw_rate_deg_s", "peak yaw rate from 2 s on", "deg/s", ".1f"),
+    ("control_effort", "control effort", "", ".4f"),
+    ("min_dorsal_axis", "lowest dorsal axis", "", ".3f"),
+    ("solve_time_us.median", "controller call, median", "us", ".1f"),
+    ("solve_time_us.p99", "controller call, 99th percentile", "us", ".1f"),
+    ("simulated_time_s", "simulated time", "s", ".2f"),
+    ("wall_time_s", "wall time", "s", ".2f"),
+)
+
+
+class Row(NamedTuple):
+    """One line of a table; `text` is a dash for what is not defined."""
+
+    label: str
+    text: str
+    unit: str
+
+
+def rows(values: dict[str, Any]) -> list[Row]:
+    """The numbers among the metrics, in the order of a table."""
+    return [Row(label, _text(_value(values, name), form), unit) for name, label, unit, form in _ROWS]
+
+
+def _value(values: dict[str, Any], name: str) -> float | None:
+    first, _, rest = name.partition(".")
+    value: float | None = values[first][rest] if rest else values[first]
+    return value
+
+
+def _text(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)

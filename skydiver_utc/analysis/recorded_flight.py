@@ -1,0 +1,201 @@
+"""From a recording back to the `Flight`, by stamps alone: a stamp is an integer step or an error."""
+
+import json
+import math
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.analysis.errors import AnalysisError
+from skydiver_utc.analysis.metrics import FLOWN_TO_ITS_END
+from skydiver_utc.parameters import ParameterError, Scenario, load_scenario
+from skydiver_utc.recording.reader import RecordedTopic, read_bag
+from skydiver_utc.simulation.flight import Flight
+from skydiver_utc.simulation.outcome import Outcome
+
+_NAMESPACE = "/skydiver"
+_CONTROL_NAMES = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
+# What the controller node adds to the controller's own telemetry.
+_SOLVE_TIME, _STATUS = "solve_time", "status"
+
+Floats = NDArray[np.float64]
+Topics = Mapping[str, RecordedTopic]
+
+
+def read_flight(path: Path | str) -> Flight:
+    """The flight that a run folder, a bag folder or an .mcap file holds.
+
+    Nothing but the bag is read. Of a message sent twice the first counts. A flight that ended early has the
+    steps up to its last complete one; a bag without an outcome gives outcome aborted and an unknown (NaN)
+    wall time. A step missing in between raises `AnalysisError`, what is not a bag `RecordingError`.
+    Telemetry is not asked for: a step without it is NaN.
+    """
+    return _RecordedFlight(Path(path)).flight()
+
+
+class _Rows(NamedTuple):
+    """Values by step, (steps + 1, width), NaN where `present` (steps + 1,) is False."""
+
+    values: Floats
+    present: NDArray[np.bool_]
+
+    @property
+    def last(self) -> int:
+        """The last step present, -1 without any."""
+        steps = np.flatnonzero(self.present)
+        return int(steps[-1]) if len(steps) else -1
+
+
+class _RecordedFlight:
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._topics: Topics = read_bag(path)
+        self._scenario = self._read_scenario()
+
+    def flight(self) -> Flight:
+        outcome, reason, wall_time_s = self._ending()
+        states = self._rows("state", 13, _state)
+        commands = self._rows("command", 4, _controls)
+        applied = self._rows("applied_command", 4, _controls)
+        reference = self._reference()
+        steps = self._scenario.steps
+        if outcome not in FLOWN_TO_ITS_END:
+            steps = max(0, min(states.last, commands.last + 1, applied.last + 1, reference.last))
+        self._refuse_gaps("state", states, steps + 1)
+        self._refuse_gaps("reference", reference, steps + 1)
+        self._refuse_gaps("command", commands, steps)
+        self._refuse_gaps("applied_command", applied, steps)
+        names, telemetry, solve_time_s = self._telemetry(steps)
+        return Flight(
+            scenario=self._scenario,
+            states=states.values[: steps + 1],
+            commands=commands.values[:steps],
+            applied=applied.values[:steps],
+            reference=reference.values[: steps + 1, 0],
+            telemetry=telemetry,
+            telemetry_names=names,
+            solve_time_s=solve_time_s,
+            outcome=outcome,
+            reason=reason
+            or f"the recording has no outcome, it ends after {steps} of {self._scenario.steps} steps",
+            wall_time_s=wall_time_s,
+        )
+
+    def _messages(self, name: str) -> list[Any]:
+        topic = self._topics.get(f"{_NAMESPACE}/{name}")
+        return topic.messages if topic else []
+
+    def _read_scenario(self) -> Scenario:
+        messages = self._messages("scenario")
+        if not messages:
+            raise AnalysisError(
+                f"{self._path} has no {_NAMESPACE}/scenario, so it is no recording of a flight: give the"
+                " folder of one"
+            )
+        with tempfile.TemporaryDirectory() as folder:
+            copy = Path(folder) / "scenario.yaml"
+            copy.write_text(messages[-1].data, encoding="utf-8")
+            try:
+                return load_scenario(str(copy))
+            except ParameterError as error:
+                raise AnalysisError(
+                    f"the scenario in {self._path} is not one of this version ({error}): analyse the"
+                    " recording with the version that its versions.json names"
+                ) from error
+
+    def _ending(self) -> tuple[Outcome, str, float]:
+        """Outcome, reason (empty where none is recorded) and wall time [s]."""
+        messages = self._messages("outcome")
+        if not messages:
+            return Outcome.ABORTED, "", math.nan
+        try:
+            ending = json.loads(messages[-1].data)
+            return Outcome(ending["outcome"]), str(ending["reason"]), float(ending["wall_time_s"])
+        except (ValueError, KeyError, TypeError) as error:
+            raise AnalysisError(
+                f"the outcome in {self._path} cannot be understood ({error!r}): record the flight again"
+            ) from error
+
+    def _rows(self, name: str, width: int, values_of: Callable[[Any], Any]) -> _Rows:
+        rows = _Rows(
+            np.full((self._scenario.steps + 1, width), np.nan), np.zeros(self._scenario.steps + 1, np.bool_)
+        )
+        for message in self._messages(name):
+            k = self._step_of(name, message.header.stamp)
+            if rows.present[k]:
+                continue
+            values = values_of(message)
+            if values is None or len(values) != width:
+                raise AnalysisError(
+                    f"{_NAMESPACE}/{name} in {self._path} does not hold what it should at step {k}: record"
+                    " the flight again with nodes of one version"
+                )
+            rows.values[k] = values
+            rows.present[k] = True
+        return rows
+
+    def _step_of(self, name: str, stamp: Any) -> int:
+        after_ns = stamp.sec * 1_000_000_000 + stamp.nanosec - self._scenario.stamp_ns(0)
+        k, rest = divmod(after_ns, self._scenario.dt_ns)
+        if rest or not 0 <= k <= self._scenario.steps:
+            raise AnalysisError(
+                f"{_NAMESPACE}/{name} in {self._path} has a message {after_ns} ns after the start, which is"
+                f" none of the {self._scenario.steps} steps of {self._scenario.dt_ns} ns: fly with one"
+                " scenario in all nodes"
+            )
+        return int(k)
+
+    def _reference(self) -> _Rows:
+        """The setpoints; a step without one is taken from the previews."""
+        rows = self._rows("reference/setpoint", 1, lambda message: (message.twist.angular.z,))
+        if rows.present.all():
+            return rows
+        for message in self._messages("reference"):
+            first = self._step_of("reference", message.header.stamp)
+            points = message.points[: self._scenario.steps + 1 - first]
+            for k, point in enumerate(points, first):
+                if not rows.present[k]:
+                    rows.values[k] = point.velocities[0]
+                    rows.present[k] = True
+        return rows
+
+    def _telemetry(self, steps: int) -> tuple[tuple[str, ...], Floats, Floats]:
+        """Names, values (steps, n) and solve times [s] (steps,)."""
+        messages = self._messages("controller/telemetry")
+        if not messages:
+            return (), np.empty((steps, 0)), np.full(steps, np.nan)
+        names = list(messages[0].name)
+        rows = self._rows("controller/telemetry", len(names), lambda message: message.position)
+        own = [j for j, name in enumerate(names) if name not in (_SOLVE_TIME, _STATUS)]
+        solve_time_s = np.full(steps, np.nan)
+        if _SOLVE_TIME in names:
+            solve_time_s = rows.values[:steps, names.index(_SOLVE_TIME)]
+        return tuple(names[j] for j in own), rows.values[:steps, own], solve_time_s
+
+    def _refuse_gaps(self, name: str, rows: _Rows, count: int) -> None:
+        missing = np.flatnonzero(~rows.present[:count])
+        if len(missing):
+            raise AnalysisError(
+                f"{_NAMESPACE}/{name} in {self._path} lacks {len(missing)} of {count} steps, the first is"
+                f" step {missing[0]}: record the flight again"
+            )
+
+
+def _state(odometry: Any) -> tuple[float, ...]:
+    position, attitude = odometry.pose.pose.position, odometry.pose.pose.orientation
+    velocity, rates = odometry.twist.twist.linear, odometry.twist.twist.angular
+    return (
+        *(position.x, position.y, position.z),
+        *(attitude.x, attitude.y, attitude.z, attitude.w),
+        *(velocity.x, velocity.y, velocity.z),
+        *(rates.x, rates.y, rates.z),
+    )
+
+
+def _controls(joint_state: Any) -> Any:
+    """The four controls, None where they are not named as they should be."""
+    return joint_state.position if tuple(joint_state.name) == _CONTROL_NAMES else None

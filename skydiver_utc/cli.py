@@ -1,0 +1,152 @@
+"""``skydiver-utc``: one verb per job. Only click loads here; a verb loads its own modules when it is used."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+_REFUSED = 2
+_STOPPED = 130
+
+_EXIT_CODES = """\b
+exit code
+    0  the flight was flown to its end (outcome completed or rolled_over)
+    1  it ended before: diverged, no_command, aborted, or a node failed
+    2  the input is wrong: one sentence says what to do, nothing was flown
+  130  stopped with Ctrl-C
+"""
+
+
+class Verbs(click.Group):
+    """Turns the errors of bad input into one sentence; any other error is a fault of the program."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except KeyboardInterrupt:
+            click.echo("stopped", err=True)
+            ctx.exit(_STOPPED)
+        except _errors_of_input() as error:
+            if isinstance(error, OSError) and error.filename is None:
+                raise
+            click.echo(f"Error: {_sentence(error)}", err=True)
+            ctx.exit(getattr(error, "exit_code", _REFUSED))
+
+
+def _errors_of_input() -> tuple[type[Exception], ...]:
+    """Evaluated only when an error is on its way."""
+    from skydiver_utc.analysis.errors import AnalysisError
+    from skydiver_utc.parameters import ParameterError
+    from skydiver_utc.recording.errors import RecordingError
+    from skydiver_utc.verbs.errors import VerbError
+
+    return (ParameterError, RecordingError, AnalysisError, VerbError, OSError)
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, OSError):
+        return f"{error.filename} cannot be used ({error.strerror}): choose another path, or mend this one"
+    return str(error)
+
+
+def _show_version(ctx: click.Context, _parameter: click.Parameter, asked: bool) -> None:
+    if asked:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            click.echo(version("skydiver_utc"))
+        except PackageNotFoundError:
+            click.echo("not installed, used from a checkout")
+        ctx.exit()
+
+
+_version = click.option(
+    "--version",
+    is_flag=True,
+    expose_value=False,
+    is_eager=True,
+    callback=_show_version,
+    help="Show the version and exit.",
+)
+_scenario = click.argument("scenario", metavar="SCENARIO")
+_settings = click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Override one parameter by its dotted name, for example controller.horizon_steps=5. Repeatable.",
+)
+_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
+_quiet = click.option("--quiet", is_flag=True, help="No progress bar, nothing on stderr but errors.")
+
+
+@click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@_version
+def main() -> None:
+    """A virtual skydiver flown by the Unscented Transform Controller.
+
+    SCENARIO is a name that `skydiver-utc scenarios` lists, or the path of a YAML file.
+    """
+
+
+@main.command(epilog=_EXIT_CODES, short_help="Fly SCENARIO over ROS 2, recorded.")
+@_scenario
+@_settings
+@click.option(
+    "--bags", default="bags", show_default=True, metavar="FOLDER", help="Where run folders are made."
+)
+@click.option("--folder", metavar="FOLDER", help="The run folder itself, instead of a new one in --bags.")
+@_json
+@_quiet
+def run(
+    scenario: str, settings: tuple[str, ...], bags: str, folder: str | None, as_json: bool, quiet: bool
+) -> None:
+    """Fly SCENARIO over ROS 2, recorded.
+
+    Starts plant, reference, controller and recorder as processes of their own, on a ROS domain of its own
+    unless ROS_DOMAIN_ID is set. The run folder holds the bag, the scenario, metrics.json, tracking.png and
+    report.html.
+    """
+    from skydiver_utc.verbs.run import run as fly
+
+    raise SystemExit(fly(scenario, settings, Path(bags), Path(folder) if folder else None, as_json, quiet))
+
+
+@main.command(epilog=_EXIT_CODES, short_help="Fly SCENARIO in this process, without ROS.")
+@_scenario
+@_settings
+@click.option("--figure", metavar="FILE.png", help="Draw the flight into this file.")
+@_json
+@_quiet
+def simulate(
+    scenario: str, settings: tuple[str, ...], figure: str | None, as_json: bool, quiet: bool
+) -> None:
+    """Fly SCENARIO in this process, without ROS and without a recording."""
+    from skydiver_utc.verbs.simulate import simulate as fly
+
+    raise SystemExit(fly(scenario, settings, Path(figure) if figure else None, as_json, quiet))
+
+
+@main.command(short_help="Analyse a run folder again, from its bag.")
+@click.argument("run_folder", metavar="RUN")
+@_json
+def analyse(run_folder: str, as_json: bool) -> None:
+    """Make metrics.json, tracking.png and report.html of the run folder RUN again, from its bag alone."""
+    from skydiver_utc.verbs.analyse import analyse as look
+
+    look(Path(run_folder), as_json)
+
+
+@main.command()
+@_json
+def scenarios(as_json: bool) -> None:
+    """List the scenarios that come with the package."""
+    from skydiver_utc.verbs.scenarios import scenarios as tell
+
+    tell(as_json)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,217 @@
+"""The recorder as a node: every topic, byte for byte, into a rosbag2 folder at simulated time."""
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+from rclpy.callback_groups import CallbackGroup
+from rclpy.context import Context
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from rclpy.subscription import Subscription
+from std_msgs.msg import String
+
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.border import BorderError
+from skydiver_utc.nodes.scenario_node import ScenarioNode
+from skydiver_utc.nodes.topics import RECORDED, Topic, rosbag2_qos
+from skydiver_utc.nodes.versions import versions
+from skydiver_utc.parameters import to_yaml
+from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.schemas import message_schema
+from skydiver_utc.recording.stamps import leading_stamp_ns
+from skydiver_utc.recording.writer import BagWriter
+
+_POLL_S = 0.02
+_DEPTH = 2000
+_FLUSH_INTERVAL_S = 0.5
+_PATIENCE_S = 5.0
+_QUIET_S = 0.1
+_OUTCOME_S = 1.0  # the outcome of a flight that is being stopped together with its recorder
+_REPAIR_S = 5.0  # lost messages: the sender offers them again within three seconds
+
+
+class _Polled(CallbackGroup):
+    """Keeps its subscriptions out of the executor: they are drained in bulk, at a fraction of the cost."""
+
+    def can_execute(self, entity: object) -> bool:
+        return False
+
+    def beginning_execution(self, entity: object) -> bool:
+        return False
+
+    def ending_execution(self, entity: object) -> None:
+        pass
+
+
+@dataclass
+class _Channel:
+    """One recorded topic: where its messages come from, where they go, how many there were."""
+
+    topic: Topic
+    subscription: Subscription
+    id: int
+    count: int = 0
+
+
+class _Message(NamedTuple):
+    log_time_ns: int
+    channel_id: int
+    data: bytes
+    publish_time_ns: int
+
+
+class RecorderNode(ScenarioNode):
+    """Polls its subscriptions, writes what came, and tells the plant when it hears every topic.
+
+    It has finished when it has recorded a flight's outcome.
+    """
+
+    def __init__(self, context: Context | None = None, overrides: Mapping[str, object] | None = None) -> None:
+        super().__init__("recorder", context, overrides)
+        self.folder = Path(str(self.own["bag_folder"]) or self._default_folder())
+        self._started_at_ns = time.time_ns()
+        self._flight_states: int | None = None  # how many the plant sent, told by its outcome
+        self._now_ns = self.scenario.stamp_ns(0)
+        self._bag = BagWriter(self.folder, _FLUSH_INTERVAL_S)
+        self._write_beside("scenario.yaml", to_yaml(self.scenario))
+        self._write_beside("versions.json", json.dumps(versions(), indent=2) + "\n")
+        group = _Polled()
+        self._channels = {topic: self._open_channel(topic, group) for topic in RECORDED}
+        self._ready = self.advertise(topics.RECORDER_READY)
+        self._poll = self.every(_POLL_S, self._drain_each_poll)
+        self._startup = self.every(_POLL_S, self._tell_when_ready)
+        self._patience = self.every(_PATIENCE_S, self._say_what_is_missing)
+        self.get_logger().info(f"recording into {self.folder}")
+
+    def drain(self) -> int:
+        """Write everything that came since the last call; returns how many messages that was."""
+        messages: list[_Message] = []
+        for channel in self._channels.values():
+            messages.extend(self._take_all(channel))
+        messages.sort(key=lambda message: message.log_time_ns)
+        for message in messages:
+            self._bag.write(message.channel_id, message.data, message.log_time_ns, message.publish_time_ns)
+        return len(messages)
+
+    def close(self) -> int:
+        """Write what is still on its way, of a whole flight all of it, and end the bag."""
+        try:
+            self._drain_the_rest()
+        finally:
+            self._bag.close()
+        for sentence in self.missing():
+            self.get_logger().warning(sentence)
+        written = sum(channel.count for channel in self._channels.values())
+        self.get_logger().info(f"recorded {written} messages into {self.folder}")
+        return super().close()
+
+    def _drain_the_rest(self) -> None:
+        began = time.monotonic()
+        while True:
+            time.sleep(_QUIET_S)
+            quiet = self.drain() == 0
+            in_flight = self._flight_states is None and self._channels[topics.STATE].count > 0
+            patience_s = _OUTCOME_S if in_flight else _REPAIR_S
+            complete = not in_flight and not self.missing()
+            if (quiet and complete) or time.monotonic() - began > patience_s:
+                return
+
+    def missing(self) -> list[str]:
+        """What the bag lacks of a flight that has ended, a sentence for each topic."""
+        if self._flight_states is None:
+            return []
+        expected = {
+            topic: self._flight_states - topic.fewer_than_states
+            for topic in self._channels
+            if topic.fewer_than_states is not None
+        }
+        counts = {topic: channel.count for topic, channel in self._channels.items()}
+        return [
+            f"only {counts[topic]} of {number} messages of {topic.name} were recorded"
+            for topic, number in expected.items()
+            if counts[topic] < number
+        ]
+
+    def _drain_each_poll(self) -> None:
+        self.drain()
+
+    def _take_all(self, channel: _Channel) -> list[_Message]:
+        handle = channel.subscription.handle
+        messages: list[_Message] = []
+        with handle:
+            while (taken := handle.take_message(channel.topic.type, True)) is not None:
+                data, info = taken
+                sent_at_ns = info["source_timestamp"]
+                messages.append(_Message(self._log_time_ns(channel, data), channel.id, data, sent_at_ns))
+        channel.count += len(messages)
+        if messages and channel.topic is topics.OUTCOME:
+            self._note_outcome(messages[-1])
+        return messages
+
+    def _note_outcome(self, message: _Message) -> None:
+        """The outcome ends the recording, unless it is one still latched from an earlier flight."""
+        if message.publish_time_ns >= self._started_at_ns:
+            self.finished = True
+            try:
+                outcome = json.loads(deserialize_message(message.data, String).data)
+                self._flight_states = int(outcome["states"])
+            except (ValueError, TypeError, KeyError) as error:
+                sentence = f"it does not tell how many states the flight had ({error!r})"
+                self.refusals.add(topics.OUTCOME.name, BorderError("outcome", sentence))
+
+    def _log_time_ns(self, channel: _Channel, data: bytes) -> int:
+        """A message's own stamp; without one, the newest simulated time seen, at first the epoch."""
+        if channel.topic.type is String:
+            return self._now_ns
+        try:
+            stamp_ns = leading_stamp_ns(data)
+            if stamp_ns <= 0:
+                raise BorderError("stamp", "it has no stamp, it is recorded at the newest simulated time")
+        except (RecordingError, BorderError) as error:
+            refusal = error if isinstance(error, BorderError) else BorderError("stamp", str(error))
+            self.refusals.add(channel.topic.name, refusal)
+            return self._now_ns
+        self._now_ns = max(self._now_ns, stamp_ns)
+        return stamp_ns
+
+    def _open_channel(self, topic: Topic, group: CallbackGroup) -> _Channel:
+        qos = QoSProfile(depth=_DEPTH, reliability=topic.qos.reliability, durability=topic.qos.durability)
+        subscription = self.create_subscription(
+            topic.type, topic.name, lambda _: None, qos, callback_group=group, raw=True
+        )
+        schema = message_schema(topic.type_name)
+        offered = yaml.safe_dump([rosbag2_qos(topic.qos)], sort_keys=False)
+        name = subscription.topic_name
+        channel_id = self._bag.add_topic(name, topic.type_name, schema.text, schema.type_hash, offered)
+        return _Channel(topic, subscription, channel_id)
+
+    def _tell_when_ready(self) -> None:
+        if not self._unheard():
+            self.destroy_timer(self._startup)
+            self.destroy_timer(self._patience)
+            self._ready.publish(String(data=str(self.folder)))
+            self.get_logger().info("ready")
+
+    def _say_what_is_missing(self) -> None:
+        self.get_logger().warning(f"waiting for publishers of {', '.join(self._unheard())}")
+
+    def _unheard(self) -> list[str]:
+        channels = self._channels.items()
+        return [topic.name for topic, channel in channels if channel.subscription.get_publisher_count() == 0]
+
+    def _default_folder(self) -> Path:
+        now = datetime.now(timezone.utc)
+        return Path("bags") / f"{now:%Y%m%dT%H%M%SZ}_{self.scenario.name}"
+
+    def _write_beside(self, name: str, text: str) -> None:
+        try:
+            (self.folder / name).write_text(text, encoding="utf-8")
+        except OSError as error:
+            reason = f"({error.strerror}): make room"
+            raise RecordingError(f"{self.folder / name} cannot be written {reason}") from error

@@ -1,0 +1,230 @@
+"""The plant as a node, in lockstep: it steps only on the command that carries its own stamp."""
+
+import json
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.duration import Duration
+from std_msgs.msg import String
+
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.border import BorderError
+from skydiver_utc.nodes.messages import ClockWriter, NamedValuesWriter, StateWriter, Vector, read_named_values
+from skydiver_utc.nodes.scenario_node import ScenarioNode
+from skydiver_utc.parameters import to_yaml
+from skydiver_utc.plant.skydiver import CONTROL_NAMES
+from skydiver_utc.simulation.build import build_plant
+from skydiver_utc.simulation.outcome import Outcome, OutcomeMonitor
+
+_STARTUP_POLL_S = 0.02
+_PATIENCE_S = 5.0
+_DISPLAY_RATE_HZ = 30.0
+_PROGRESS_PERIOD_S = 0.5
+_LAST_ACKNOWLEDGEMENT_S = 5.0
+
+# The flight was flown to its last step, or stopped because somebody asked for it.
+_EXIT_ZERO = (Outcome.COMPLETED, Outcome.ROLLED_OVER, Outcome.ABORTED)
+
+
+class PlantNode(ScenarioNode):
+    """Publishes state k, waits for command k, steps; ends with an outcome.
+
+    `k` is the step whose state was published last, -1 before the flight.
+    """
+
+    def __init__(self, context: Context | None = None, overrides: Mapping[str, object] | None = None) -> None:
+        super().__init__("plant", context, overrides)
+        self.k = -1
+        self.retries = 0
+        self._plant = build_plant(self.scenario)
+        self._monitor = OutcomeMonitor(self.scenario)
+        self._state = self._plant.initial_state()
+        self._applied = self._plant.initial_control()
+        self._compile()
+        self._create_writers()
+        self._create_publishers()
+        self._recorder_ready = not self.own["wait_for_recorder"]
+        self.listen(topics.RECORDER_READY, self.on_recorder_ready)
+        self._commands = self.listen(topics.COMMAND, self.on_command)
+        self._began_at = time.monotonic()
+        self._startup = self.every(_STARTUP_POLL_S, self._begin_when_heard)
+        self._patience = self.every(_PATIENCE_S, self._say_what_is_missing)
+        self.get_logger().info(f"{self.scenario.steps} steps of {self.scenario.dt_s * 1e3:g} ms in lockstep")
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the flight ended, or stands."""
+        return self._monitor.outcome
+
+    @property
+    def reason(self) -> str:
+        """One sentence on the outcome."""
+        return self._monitor.reason
+
+    def on_recorder_ready(self, _: Any) -> None:
+        """The recorder hears every topic."""
+        self._recorder_ready = True
+
+    def on_command(self, message: Any) -> None:
+        """Step if this command answers the state published last; count it otherwise."""
+        if self.finished:
+            return
+        try:
+            k = self.grid.step_of(message.header.stamp)
+            if k < self.k:
+                # The answer to a state that was sent again: it was used the first time.
+                self.refusals.counts["repeated"] += 1
+                return
+            if k > self.k:
+                raise BorderError("stamp", f"it answers step {k}, the plant is at step {self.k}")
+            command = read_named_values(message, CONTROL_NAMES)
+        except BorderError as error:
+            self.refusals.add(topics.COMMAND.name, error)
+            return
+        self._step(command)
+
+    def close(self) -> int:
+        """End a flight that still goes on, then wait until the listeners have everything."""
+        if not self.finished:
+            when = "before the flight began" if self.k < 0 else f"at step {self.k}"
+            self._monitor.end(Outcome.ABORTED, f"stopped by a signal {when}")
+            self._finish()
+        deadline = time.monotonic() + _LAST_ACKNOWLEDGEMENT_S
+        for topic, publisher in self._advertised.items():
+            left_s = max(0.0, deadline - time.monotonic())
+            if not publisher.wait_for_all_acked(Duration(seconds=left_s)):
+                self.get_logger().warning(f"a listener of {topic.name} did not acknowledge everything")
+        return super().close() or (0 if self.outcome in _EXIT_ZERO else 1)
+
+    def _compile(self) -> None:
+        """Step once and forget it, so that no flight waits for the compiler."""
+        self._plant.step(self._state, self._plant.apply_limits(self._applied, self._applied))
+
+    def _create_writers(self) -> None:
+        self._write_state = StateWriter(self.grid).fill
+        self._write_clock = ClockWriter(self.grid).fill
+        self._write_applied = NamedValuesWriter(self.grid, CONTROL_NAMES).fill
+        self._write_joints = NamedValuesWriter(self.grid, self._plant.joint_names).fill
+        self._display_steps = max(1, round(1.0 / (_DISPLAY_RATE_HZ * self.scenario.dt_s)))
+        self._progress_steps = max(1, round(_PROGRESS_PERIOD_S / self.scenario.dt_s))
+
+    def _create_publishers(self) -> None:
+        self._states = self.advertise(topics.STATE)
+        self._clocks = self.advertise(topics.CLOCK)
+        self._applieds = self.advertise(topics.APPLIED_COMMAND)
+        self._joints = self.advertise(topics.JOINT_STATES)
+        self._outcomes = self.advertise(topics.OUTCOME)
+        self._scenarios = self.advertise(topics.SCENARIO)
+        self._scenarios.publish(String(data=to_yaml(self.scenario)))
+
+    def _begin_when_heard(self) -> None:
+        missing = self._missing()
+        if not missing:
+            self._begin()
+        elif time.monotonic() - self._began_at > self.own["startup_timeout_s"]:
+            waited = self.own["startup_timeout_s"]
+            self._monitor.end(Outcome.NO_COMMAND, f"after {waited:g} s there was {' and '.join(missing)}")
+            self._finish()
+
+    def _say_what_is_missing(self) -> None:
+        self.get_logger().warning(f"waiting: there is {' and '.join(self._missing())}")
+
+    def _missing(self) -> list[str]:
+        """What the flight still waits for, in words; asks the dearer questions last."""
+        missing = []
+        if not self._recorder_ready:
+            missing.append("no recorder that hears every topic")
+        if self._commands.get_publisher_count() == 0:
+            missing.append("no publisher of command")
+        if unmatched := self.unmatched():
+            missing.append(f"no listener, or too few, on {', '.join(unmatched)}")
+        if not missing and not self._controller_listens():
+            missing.append("no controller that listens to state")
+        return missing
+
+    def _controller_listens(self) -> bool:
+        """True when some node that publishes commands listens to the state, not only some spectator."""
+        commanders = self.get_publishers_info_by_topic(self._commands.topic_name)
+        names = {(node.node_namespace, node.node_name) for node in commanders}
+        listeners = self.get_subscriptions_info_by_topic(self._states.topic_name)
+        return any((node.node_namespace, node.node_name) in names for node in listeners)
+
+    def _begin(self) -> None:
+        self._end_startup()
+        self.k = 0
+        timeout_s = self.own["command_timeout_s"]
+        self._watch = self.every(timeout_s / 4, self._watch_command)
+        self._began_at = time.monotonic()
+        goes_on = self._monitor.observe(0, self._state)
+        self._publish_state()
+        if not goes_on:
+            self._finish()
+
+    def _step(self, command: Vector) -> None:
+        self._applied = self._plant.apply_limits(command, self._applied)
+        self._state = self._plant.step(self._state, self._applied)
+        goes_on = self._monitor.observe(self.k + 1, self._state)
+        self.k += 1
+        self.retries = 0
+        self._publish_state()
+        self._publish_applied(self.k - 1)
+        if not goes_on or self.k == self.scenario.steps:
+            self._finish()
+        elif self.own["progress"] and self.k % self._progress_steps == 0:
+            self._report({"step": self.k, "steps": self.scenario.steps})
+
+    def _publish_state(self) -> None:
+        """State first: the controller works while the rest is sent."""
+        self._states.publish(self._write_state(self.k, self._state))
+        self._published_at = time.monotonic()
+        self._clocks.publish(self._write_clock(self.k))
+
+    def _publish_applied(self, k: int) -> None:
+        self._applieds.publish(self._write_applied(k, self._applied))
+        if k % self._display_steps == 0:
+            angles = self._plant.joint_angles(float(self._applied[3]))
+            self._joints.publish(self._write_joints(k, angles))
+
+    def _watch_command(self) -> None:
+        """Send the state again when its command is late; give up after the last retry."""
+        timeout_s = self.own["command_timeout_s"]
+        if self.finished or time.monotonic() - self._published_at < timeout_s:
+            return
+        if self.retries == self.own["command_retries"]:
+            last = f"; the last message refused was on {self.refusals.last}" if self.refusals.last else ""
+            reason = f"no command for step {self.k} in {timeout_s:g} s, {self.retries + 1} times over{last}"
+            self._monitor.end(Outcome.NO_COMMAND, reason)
+            self._finish()
+            return
+        self.retries += 1
+        self.get_logger().warning(f"no command for step {self.k} in {timeout_s:g} s: sending its state again")
+        self._publish_state()
+
+    def _finish(self) -> None:
+        self.finished = True
+        wall_time_s = time.monotonic() - self._began_at if self.k >= 0 else 0.0
+        self._end_startup()
+        if self.k >= 0:
+            self.destroy_timer(self._watch)
+        report: dict[str, object] = {
+            "outcome": self.outcome.value,
+            "reason": self.reason,
+            "wall_time_s": wall_time_s,
+            "states": self.k + 1,
+        }
+        self._outcomes.publish(String(data=json.dumps(report)))
+        self.get_logger().info(f"{self.outcome.value}: {self.reason} ({wall_time_s:.2f} s)")
+        if self.own["progress"]:
+            self._report(report)
+
+    def _end_startup(self) -> None:
+        self.destroy_timer(self._startup)
+        self.destroy_timer(self._patience)
+
+    def _report(self, line: dict[str, object]) -> None:
+        """One line on stdout; the flight goes on when nobody reads it any more."""
+        with suppress(BrokenPipeError):
+            print(json.dumps(line), flush=True)

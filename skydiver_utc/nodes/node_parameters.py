@@ -1,0 +1,112 @@
+"""The parameters of each node: its own and, by dotted name, every scalar of its scenario. No rclpy here."""
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from skydiver_utc.parameters import Leaf, ParameterError, Scenario, leaves, load_scenario
+
+_DEFAULT_SCENARIO = "fast_turn_unknown_dynamics"
+
+# Names that rclpy declares or reads itself.
+_OF_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides")
+
+
+def _own(
+    name: str, value: float | int | bool | str, unit: str, description: str, at_least: float | None = None
+) -> Leaf:
+    kind = {bool: "bool", int: "int", float: "float", str: "str"}[type(value)]
+    return Leaf(name, value, kind, at_least, None, (), unit, description)  # type: ignore[arg-type]
+
+
+_SCENARIO = _own("scenario", _DEFAULT_SCENARIO, "", "name of a scenario, or path of its YAML file")
+_WAIT_FOR_RECORDER = _own("wait_for_recorder", False, "", "begin only when the recorder hears everything")
+
+OWN_PARAMETERS: Mapping[str, tuple[Leaf, ...]] = {
+    "plant": (
+        _SCENARIO,
+        _WAIT_FOR_RECORDER,
+        _own(
+            "startup_timeout_s", 120.0, "s", "longest wait for the other nodes, which may compile first", 0.0
+        ),
+        _own("command_timeout_s", 2.0, "s", "wait for a command before the state is sent again", 0.01),
+        _own("command_retries", 5, "1", "how often a state is sent again before giving up", 0),
+        _own("progress", False, "", "print JSON lines on the flight's progress to stdout"),
+    ),
+    "reference": (
+        _SCENARIO,
+        _WAIT_FOR_RECORDER,
+        _own("preview_steps", 300, "1", "steps beyond the present that a controller can count on", 1),
+        _own("chunk_steps", 80, "1", "steps from one preview message to the next", 1),
+    ),
+    "controller": (_SCENARIO, _WAIT_FOR_RECORDER),
+    "recorder": (
+        _SCENARIO,
+        _own("bag_folder", "", "", "folder of the bag, not existing yet; empty: bags/<UTC time>_<scenario>"),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """A node's parameters with every override merged in and checked."""
+
+    scenario: Scenario
+    own: Mapping[str, Any]
+    parameters: tuple[Leaf, ...]  # all of them with their effective values
+    changes: tuple[str, ...]  # "name = value (scenario file: value)" where the scenario file says otherwise
+
+
+def resolve(kind: str, overrides: Mapping[str, object]) -> Resolved:
+    """The parameters of a node of this kind; an unknown name or a bad value raises `ParameterError`."""
+    own = {leaf.name: leaf for leaf in OWN_PARAMETERS[kind]}
+    given = {n: v for n, v in overrides.items() if n.partition(".")[0] not in _OF_RCLPY}
+    effective = [
+        leaf._replace(value=_checked(leaf, given.get(leaf.name, leaf.value))) for leaf in own.values()
+    ]
+    values = {leaf.name: leaf.value for leaf in effective}
+    name = str(values["scenario"])
+    base = load_scenario(name)
+    of_scenario = {n: v for n, v in given.items() if n not in own}
+    _refuse_unknown(of_scenario, [*own, *(leaf.name for leaf in leaves(base))])
+    scenario = load_scenario(name, of_scenario)
+    return Resolved(
+        scenario=scenario,
+        own=values,
+        parameters=(*effective, *leaves(scenario)),
+        changes=_changes(base, scenario),
+    )
+
+
+def _checked(leaf: Leaf, value: object) -> float | int | bool | str:
+    """The value in the parameter's own type; an int will do for a float."""
+    if leaf.kind == "float" and type(value) is int:
+        value = float(value)
+    if type(value) is not type(leaf.value):
+        raise ParameterError(f"parameter {leaf.name} must be of type {leaf.kind}, found {value!r}")
+    assert isinstance(value, float | int | bool | str)
+    if leaf.minimum is not None and not (isinstance(value, float | int) and leaf.minimum <= value < 2**31):
+        raise ParameterError(f"parameter {leaf.name} must be at least {leaf.minimum:g}, found {value}")
+    return value
+
+
+def _refuse_unknown(names: Mapping[str, object], known: Sequence[str]) -> None:
+    """Refuse names whose first part is no field of a scenario; `load_scenario` checks the rest."""
+    fields = {field.name for field in msgspec.structs.fields(Scenario)}
+    for name in names:
+        if name.partition(".")[0] not in fields:
+            close = difflib.get_close_matches(name, known, 1)
+            hint = f"did you mean {close[0]}" if close else "take it out, or see --help for the names"
+            raise ParameterError(f"unknown parameter {name}: {hint}")
+
+
+def _changes(base: Scenario, scenario: Scenario) -> tuple[str, ...]:
+    before = {leaf.name: leaf.value for leaf in leaves(base)}
+    return tuple(
+        f"{leaf.name} = {leaf.value} (scenario file: {before.get(leaf.name, 'not there')})"
+        for leaf in leaves(scenario)
+        if leaf.value != before.get(leaf.name)
+    )

@@ -1,0 +1,90 @@
+"""The reference's preview: on the wire a JointTrajectory, in the controller values by global step."""
+
+import array
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from skydiver_utc.nodes.border import BorderError
+from skydiver_utc.nodes.stamps import NANOSECONDS, StepGrid
+
+JOINT = "yaw_rate"
+
+
+class PreviewWriter:
+    """Yaw rates of consecutive steps into one reused trajectory_msgs/JointTrajectory."""
+
+    def __init__(self, grid: StepGrid, count: int) -> None:
+        self._grid = grid
+        self._message = JointTrajectory(joint_names=[JOINT])
+        self._message.points = [self._point(i) for i in range(count)]
+
+    def _point(self, i: int) -> Any:
+        point = JointTrajectoryPoint(velocities=array.array("d", [0.0]))
+        self._grid.set_duration(point.time_from_start, i)
+        return point
+
+    def fill(self, k0: int, values: NDArray[np.float64]) -> Any:
+        """The message of values (count,), rad/s, at steps k0, k0 + 1, ..."""
+        self._grid.set_stamp(self._message.header.stamp, k0)
+        for point, value in zip(self._message.points, values.tolist(), strict=True):
+            point.velocities[0] = value
+        return self._message
+
+
+def read_preview(message: Any, grid: StepGrid) -> tuple[int, NDArray[np.float64]]:
+    """First step k0 and yaw rates (count,), rad/s, of a chunk; raises `BorderError`."""
+    if list(message.joint_names) != [JOINT]:
+        raise BorderError("names", f"it names {list(message.joint_names)}: the reference names [{JOINT!r}]")
+    k0 = grid.step_of(message.header.stamp)
+    points = message.points
+    if not points:
+        raise BorderError("size", "it has no points: give one a step")
+    values = np.empty(len(points))
+    for i, point in enumerate(points):
+        if len(point.velocities) != 1:
+            raise BorderError("size", f"its point {i} has {len(point.velocities)} velocities: give one")
+        after = point.time_from_start
+        if after.sec * NANOSECONDS + after.nanosec != i * grid.dt_ns:
+            raise BorderError("stamp", f"its point {i} is not {i} steps of {grid.dt_ns} ns after its stamp")
+        values[i] = point.velocities[0]
+    if not np.isfinite(values).all():
+        i = int(np.argmin(np.isfinite(values)))
+        raise BorderError("finite", f"its point {i} is {values[i]}: every value must be finite")
+    return k0, values
+
+
+class PreviewStore:
+    """The part of the reference received so far, by global step; the newest chunk wins."""
+
+    def __init__(self) -> None:
+        self._begin = 0
+        self._values = np.empty(0)  # of steps _begin, _begin + 1, ...
+
+    def add(self, k0: int, values: NDArray[np.float64]) -> None:
+        """Take in a chunk; one that neither overlaps nor follows what is there replaces it."""
+        kept = self._values[: k0 - self._begin] if self._begin <= k0 <= self._end else np.empty(0)
+        kept = kept[-len(values) :]
+        self._begin = k0 - len(kept)
+        self._values = np.concatenate([kept, values])
+
+    def window(self, k: int, count: int) -> NDArray[np.float64] | None:
+        """Values (count,) at steps k .. k + count - 1 as a copy, None unless all are there."""
+        if k < self._begin or k + count > self._end:
+            return None
+        return self._values[k - self._begin : k - self._begin + count].copy()
+
+    @property
+    def count(self) -> int:
+        """How many steps are there."""
+        return len(self._values)
+
+    def covered(self) -> str:
+        """The steps covered, for a message to people."""
+        return f"steps {self._begin} to {self._end - 1}" if len(self._values) else "nothing"
+
+    @property
+    def _end(self) -> int:
+        return self._begin + len(self._values)

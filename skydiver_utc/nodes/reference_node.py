@@ -1,0 +1,15 @@
+"""`reference_node`: the node of preview_publisher.py as a process."""
+
+import sys
+from collections.abc import Sequence
+
+from skydiver_utc.nodes.process import run
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node; returns the exit code."""
+    return run("reference", arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

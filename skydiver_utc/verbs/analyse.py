@@ -1,0 +1,40 @@
+"""``skydiver-utc analyse``: metrics, figure and report of a run, from its bag alone."""
+
+import json
+from pathlib import Path
+
+from skydiver_utc.analysis.figures import png, tracking_figure
+from skydiver_utc.analysis.metrics import metrics, to_json
+from skydiver_utc.analysis.recorded_flight import read_flight
+from skydiver_utc.analysis.report import report_html
+from skydiver_utc.simulation.flight import Flight
+from skydiver_utc.verbs.errors import VerbError
+from skydiver_utc.verbs.screen import show_metrics
+
+
+def analyse(folder: Path, as_json: bool) -> Flight:
+    """Read the run, write its metrics, figure and report beside the bag, print the metrics."""
+    if folder.is_file():
+        raise VerbError(f"{folder} is a file: give the run folder that it lies in")
+    flight = read_flight(folder)
+    values = metrics(flight)
+    text = to_json(values)
+    figure = png(tracking_figure(flight))
+    report = report_html(flight, values, figure, _versions(folder / "versions.json"))
+    (folder / "metrics.json").write_text(text + "\n", encoding="utf-8")
+    (folder / "tracking.png").write_bytes(figure)
+    (folder / "report.html").write_text(report, encoding="utf-8")
+    if as_json:
+        print(text)
+    else:
+        show_metrics(values, flight.scenario.title)
+    return flight
+
+
+def _versions(path: Path) -> dict[str, str]:
+    """What the recorder wrote beside the bag; a folder copied without it has an empty list of versions."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}

@@ -1,0 +1,57 @@
+"""The environment that the nodes of a run start in."""
+
+import importlib.util
+import os
+import random
+import socket
+from collections.abc import Mapping
+from pathlib import Path
+
+from skydiver_utc.verbs.errors import VerbError
+
+# DDS derives its ports from the domain; above 101 they run into those that Linux hands out at random.
+_DOMAINS = range(1, 102)
+_FIRST_DISCOVERY_PORT = 7410
+_PORTS_PER_DOMAIN = 250
+
+_WHEELS_BOOTSTRAP = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
+
+
+def require_rclpy() -> None:
+    """Refuse to start nodes where there is no rclpy, without importing it."""
+    if importlib.util.find_spec("rclpy") is None:
+        raise VerbError(
+            "run needs rclpy, which is not installed: source a ROS 2 Jazzy environment, install the ros"
+            " extra, or fly without ROS by `skydiver-utc simulate`"
+        )
+
+
+def node_environment(base: Mapping[str, str]) -> dict[str, str]:
+    """The caller's environment, confined to this machine and to a free domain unless it says otherwise."""
+    environment = _without_bootstrap(base)
+    environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    if not environment.get("ROS_DOMAIN_ID"):
+        environment["ROS_DOMAIN_ID"] = str(free_domain())
+    return environment
+
+
+def free_domain() -> int:
+    """A domain in which no node of this machine is seen."""
+    for domain in random.SystemRandom().sample(_DOMAINS, len(_DOMAINS)):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("", _FIRST_DISCOVERY_PORT + _PORTS_PER_DOMAIN * domain))
+            except OSError:
+                continue
+            return domain
+    raise VerbError("there is no free ROS domain on this machine: end some nodes, or set ROS_DOMAIN_ID")
+
+
+def _without_bootstrap(base: Mapping[str, str]) -> dict[str, str]:
+    """Without the traces of rclpy's wheels, lest a Python load the libraries of another environment."""
+    environment = dict(base)
+    if environment.pop(_WHEELS_BOOTSTRAP, None):
+        folders = environment.get("LD_LIBRARY_PATH", "").split(os.pathsep)
+        kept = [f for f in folders if f and not (Path(f).name.startswith("ros_") and f.endswith(".libs"))]
+        environment["LD_LIBRARY_PATH"] = os.pathsep.join(kept)
+    return environment

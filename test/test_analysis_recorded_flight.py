@@ -1,0 +1,282 @@
+"""Flights read back from bags that are written here message by message."""
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_typestore
+from test_analysis_metrics import flight_of, scenario_of
+
+from skydiver_utc.analysis.errors import AnalysisError
+from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.analysis.recorded_flight import read_flight
+from skydiver_utc.parameters import to_yaml
+from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.writer import BagWriter
+from skydiver_utc.simulation.flight import Flight
+from skydiver_utc.simulation.outcome import Outcome
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+TYPES = STORE.types
+CONTROLS = ["Cm_damp_yaw", "k_right", "k_left", "alpha"]
+STREAMS = ("state", "command", "applied_command", "reference/setpoint", "controller/telemetry")
+
+Message = tuple[str, str, int, Any]  # topic, type, step, message
+Edit = Callable[[list[Message]], list[Message]]
+
+
+def flight_with_everything(steps: int = 80, **fields: Any) -> Flight:
+    """A flight no two numbers of which are alike."""
+    random = np.random.default_rng(1)
+    flight = flight_of(
+        random.normal(100.0, 1.0, steps + 1),
+        random.normal(100.0, 1.0, steps + 1),
+        steps=steps,
+        commands=random.normal(size=(steps, 4)),
+        applied=random.normal(size=(steps, 4)),
+        telemetry=random.normal(size=(steps, 2)),
+        telemetry_names=("innovation", "clipped"),
+        solve_time_s=random.uniform(1e-5, 2e-5, steps),
+        **fields,
+    )
+    flight.states[:] = random.normal(size=flight.states.shape)
+    return flight
+
+
+def header(k: int) -> Any:
+    sec, nanosec = divmod(scenario_of().stamp_ns(k), 1_000_000_000)
+    stamp = TYPES["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
+    return TYPES["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+
+
+def vector(kind: str, values: Any) -> Any:
+    return TYPES[f"geometry_msgs/msg/{kind}"](*(float(v) for v in values))
+
+
+def odometry(k: int, state: Any) -> Any:
+    pose = TYPES["geometry_msgs/msg/Pose"](vector("Point", state[0:3]), vector("Quaternion", state[3:7]))
+    twist = TYPES["geometry_msgs/msg/Twist"](vector("Vector3", state[7:10]), vector("Vector3", state[10:13]))
+    return TYPES["nav_msgs/msg/Odometry"](
+        header=header(k),
+        child_frame_id="body",
+        pose=TYPES["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36)),
+        twist=TYPES["geometry_msgs/msg/TwistWithCovariance"](twist, np.zeros(36)),
+    )
+
+
+def joint_state(k: int, names: Sequence[str], values: Any) -> Any:
+    empty = np.empty(0)
+    return TYPES["sensor_msgs/msg/JointState"](
+        header(k), list(names), np.array(values, dtype=np.float64), empty, empty
+    )
+
+
+def setpoint(k: int, value: float) -> Any:
+    twist = TYPES["geometry_msgs/msg/Twist"](
+        vector("Vector3", (0, 0, 0)), vector("Vector3", (0, 0, float(value)))
+    )
+    return TYPES["geometry_msgs/msg/TwistStamped"](header(k), twist)
+
+
+def preview(k0: int, values: Any) -> Any:
+    duration = TYPES["builtin_interfaces/msg/Duration"](0, 0)
+    empty = np.empty(0)
+    points = [
+        TYPES["trajectory_msgs/msg/JointTrajectoryPoint"](
+            positions=empty,
+            velocities=np.array([v]),
+            accelerations=empty,
+            effort=empty,
+            time_from_start=duration,
+        )
+        for v in values
+    ]
+    return TYPES["trajectory_msgs/msg/JointTrajectory"](header(k0), ["yaw_rate"], points)
+
+
+def text(content: str) -> Any:
+    return TYPES["std_msgs/msg/String"](content)
+
+
+def messages_of(flight: Flight) -> list[Message]:
+    """What the nodes publish in this flight."""
+    ending = {"outcome": flight.outcome.value, "reason": flight.reason, "wall_time_s": flight.wall_time_s}
+    names = [*flight.telemetry_names, "solve_time", "status"]
+    joints, string = "sensor_msgs/msg/JointState", "std_msgs/msg/String"
+    found: list[Message] = [("scenario", string, 0, text(to_yaml(flight.scenario)))]
+    for k in range(len(flight.states)):
+        found.append(("state", "nav_msgs/msg/Odometry", k, odometry(k, flight.states[k])))
+        found.append(
+            ("reference/setpoint", "geometry_msgs/msg/TwistStamped", k, setpoint(k, flight.reference[k]))
+        )
+    for k in range(len(flight.commands)):
+        values = [*flight.telemetry[k], flight.solve_time_s[k], 0.0]
+        found.append(("command", joints, k, joint_state(k, CONTROLS, flight.commands[k])))
+        found.append(("applied_command", joints, k, joint_state(k, CONTROLS, flight.applied[k])))
+        found.append(("controller/telemetry", joints, k, joint_state(k, names, values)))
+    found.append(("outcome", string, len(flight.commands), text(json.dumps(ending))))
+    return found
+
+
+def write_bag(folder: Path, flight: Flight, edit: Edit = list) -> Path:
+    """A bag of the flight's messages, after `edit` has been at them."""
+    with BagWriter(folder) as bag:
+        channels: dict[str, int] = {}
+        for topic, kind, k, message in edit(messages_of(flight)):
+            if topic not in channels:
+                definition, type_hash = STORE.generate_msgdef(kind), STORE.hash_rihs01(kind)
+                channels[topic] = bag.add_topic(f"/skydiver/{topic}", kind, definition[0], type_hash, "")
+            time_ns = flight.scenario.stamp_ns(k)
+            bag.write(channels[topic], bytes(STORE.serialize_cdr(message, kind)), time_ns, time_ns)
+    return folder
+
+
+def without(topic: str, *steps: int) -> Edit:
+    """Takes the messages of one topic out, at these steps or at all of them."""
+    return lambda messages: [m for m in messages if m[0] != topic or (steps and m[2] not in steps)]
+
+
+def test_a_flight_comes_back_bit_for_bit(tmp_path: Path) -> None:
+    flight = flight_with_everything()
+    back = read_flight(write_bag(tmp_path / "bag", flight))
+    for name in ("states", "commands", "applied", "reference", "telemetry", "solve_time_s"):
+        assert np.array_equal(getattr(back, name), getattr(flight, name)), name
+    for name in ("scenario", "telemetry_names", "outcome", "reason", "wall_time_s"):
+        assert getattr(back, name) == getattr(flight, name), name
+    assert metrics(back) == metrics(flight)
+
+
+def test_a_bare_mcap_file_is_a_recording_too(tmp_path: Path) -> None:
+    flight = flight_with_everything()
+    folder = write_bag(tmp_path / "bag", flight)
+    (folder / "metadata.yaml").unlink()
+    assert np.array_equal(read_flight(folder / "bag_0.mcap").states, flight.states)
+
+
+def test_of_a_state_sent_again_the_first_counts(tmp_path: Path) -> None:
+    flight = flight_with_everything()
+    again: Message = ("state", "nav_msgs/msg/Odometry", 7, odometry(7, np.ones(13)))
+    back = read_flight(write_bag(tmp_path / "bag", flight, lambda messages: [*messages, again]))
+    assert np.array_equal(back.states, flight.states)
+
+
+def test_messages_out_of_order_find_their_steps(tmp_path: Path) -> None:
+    flight = flight_with_everything()
+    back = read_flight(write_bag(tmp_path / "bag", flight, lambda messages: messages[::-1]))
+    assert np.array_equal(back.states, flight.states)
+    assert np.array_equal(back.commands, flight.commands)
+
+
+@pytest.mark.parametrize(
+    ("topic", "count"), [("state", 81), ("command", 80), ("applied_command", 80), ("reference/setpoint", 81)]
+)
+def test_missing_steps_are_counted(tmp_path: Path, topic: str, count: int) -> None:
+    folder = write_bag(tmp_path / "bag", flight_with_everything(), without(topic, 17, 30))
+    with pytest.raises(AnalysisError, match=f"lacks 2 of {count} steps, the first is step 17"):
+        read_flight(folder)
+
+
+def test_the_last_step_of_a_completed_flight_may_not_be_missing(tmp_path: Path) -> None:
+    folder = write_bag(tmp_path / "bag", flight_with_everything(), without("state", 80))
+    with pytest.raises(AnalysisError, match="lacks 1 of 81 steps, the first is step 80"):
+        read_flight(folder)
+
+
+def test_a_setpoint_that_is_missing_is_in_the_preview(tmp_path: Path) -> None:
+    flight = flight_with_everything()
+    kind = "trajectory_msgs/msg/JointTrajectory"
+
+    def with_preview(messages: list[Message]) -> list[Message]:
+        chunk: Message = ("reference", kind, 10, preview(10, np.append(flight.reference[10:], [9.0] * 5)))
+        return [*without("reference/setpoint", 17, 80)(messages), chunk]
+
+    back = read_flight(write_bag(tmp_path / "bag", flight, with_preview))
+    assert np.array_equal(back.reference, flight.reference)
+
+
+def test_a_bag_without_an_outcome_is_an_aborted_flight(tmp_path: Path) -> None:
+    flight = flight_with_everything()
+
+    def cut(messages: list[Message]) -> list[Message]:
+        early = [m for m in messages if m[2] <= 50]
+        return without("applied_command", 50)(without("outcome")(early))
+
+    back = read_flight(write_bag(tmp_path / "bag", flight, cut))
+    assert back.outcome is Outcome.ABORTED
+    assert back.reason == "the recording has no outcome, it ends after 50 of 80 steps"
+    assert (back.states.shape, back.commands.shape, back.reference.shape) == ((51, 13), (50, 4), (51,))
+    result = metrics(back)
+    assert (result["wall_time_s"], result["simulated_time_s"]) == (None, 2.5)
+
+
+def test_a_flight_without_any_command_has_one_state(tmp_path: Path) -> None:
+    flight = flight_with_everything(steps=0, outcome=Outcome.NO_COMMAND, reason="no usable command came")
+    back = read_flight(write_bag(tmp_path / "bag", flight))
+    assert (back.outcome, len(back.states), len(back.commands)) == (Outcome.NO_COMMAND, 1, 0)
+    assert metrics(back)["rmse_deg_s"] is None
+
+
+def test_the_answer_to_the_last_state_of_a_flight_that_ended_is_left_out(tmp_path: Path) -> None:
+    flight = flight_with_everything(steps=20, outcome=Outcome.DIVERGED, reason="the state left the model")
+    late: Message = ("command", "sensor_msgs/msg/JointState", 20, joint_state(20, CONTROLS, np.zeros(4)))
+    back = read_flight(write_bag(tmp_path / "bag", flight, lambda messages: [*messages, late]))
+    assert np.array_equal(back.commands, flight.commands)
+
+
+def test_telemetry_is_not_asked_for(tmp_path: Path) -> None:
+    flight = flight_with_everything()
+    bare = read_flight(write_bag(tmp_path / "bare", flight, without("controller/telemetry")))
+    assert (bare.telemetry_names, bare.telemetry.shape) == ((), (80, 0))
+    assert metrics(bare)["solve_time_us"] == {"median": None, "p99": None}
+    holed = read_flight(write_bag(tmp_path / "holed", flight, without("controller/telemetry", 5)))
+    assert math.isnan(holed.solve_time_s[5])
+    assert np.isnan(holed.telemetry[5]).all()
+    assert np.array_equal(np.delete(holed.telemetry, 5, 0), np.delete(flight.telemetry, 5, 0))
+
+
+def test_a_stamp_off_the_grid_is_refused(tmp_path: Path) -> None:
+    message = odometry(3, np.ones(13))
+    message.header.stamp.nanosec += 1
+    stray: Message = ("state", "nav_msgs/msg/Odometry", 3, message)
+    folder = write_bag(tmp_path / "bag", flight_with_everything(), lambda messages: [*messages, stray])
+    with pytest.raises(AnalysisError, match="150000001 ns after the start, which is none of the 80 steps"):
+        read_flight(folder)
+
+
+def test_controls_under_other_names_are_refused(tmp_path: Path) -> None:
+    stray: Message = (
+        "command",
+        "sensor_msgs/msg/JointState",
+        0,
+        joint_state(0, CONTROLS[::-1], np.zeros(4)),
+    )
+    folder = write_bag(tmp_path / "bag", flight_with_everything(), lambda messages: [stray, *messages])
+    with pytest.raises(AnalysisError, match="does not hold what it should at step 0"):
+        read_flight(folder)
+
+
+def test_a_bag_of_something_else_is_refused(tmp_path: Path) -> None:
+    folder = write_bag(tmp_path / "bag", flight_with_everything(), without("scenario"))
+    with pytest.raises(AnalysisError, match="no recording of a flight"):
+        read_flight(folder)
+
+
+@pytest.mark.parametrize(
+    "ending", ["{}", "nonsense", '{"outcome": "landed", "reason": "", "wall_time_s": 1}']
+)
+def test_an_outcome_that_cannot_be_understood(tmp_path: Path, ending: str) -> None:
+    strange: Message = ("outcome", "std_msgs/msg/String", 80, text(ending))
+    folder = write_bag(tmp_path / "bag", flight_with_everything(), lambda messages: [*messages, strange])
+    with pytest.raises(AnalysisError, match="cannot be understood"):
+        read_flight(folder)
+
+
+def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="does not exist"):
+        read_flight(tmp_path / "nothing")
+    with pytest.raises(RecordingError, match="not a bag"):
+        read_flight(tmp_path)

@@ -1,0 +1,125 @@
+"""``skydiver-utc run`` with real nodes, and the parts around them."""
+
+import importlib.util
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_analysis_metrics import scenario_of
+
+from skydiver_utc.analysis.recorded_flight import read_flight
+from skydiver_utc.simulation.closed_loop import simulate
+from skydiver_utc.verbs.ros_environment import free_domain, node_environment
+from skydiver_utc.verbs.run import new_run_folder
+
+needs_ros = pytest.mark.skipif(importlib.util.find_spec("rclpy") is None, reason="needs rclpy")
+
+
+def start(folder: Path, *options: str, **environment: str) -> "subprocess.Popen[str]":
+    command = [
+        sys.executable,
+        "-m",
+        "skydiver_utc.cli",
+        "run",
+        "slow_turn_pose_only",
+        "--folder",
+        str(folder),
+    ]
+    return subprocess.Popen(
+        [*command, *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, **environment},
+    )
+
+
+@needs_ros
+def test_a_flight_over_ros_is_the_simulated_one(tmp_path: Path) -> None:
+    folder = tmp_path / "bags" / "flight"
+    process = start(folder, "--set", "duration_s=1", "--json")
+    stdout, stderr = process.communicate(timeout=120)
+    assert process.returncode == 0, stderr
+    assert json.loads(stdout)["outcome"] == "completed"
+    assert (folder / "metrics.json").read_text(encoding="utf-8") == stdout
+    assert (folder / "tracking.png").is_file()
+    flight = read_flight(folder)
+    again = simulate(flight.scenario)
+    for name in ("states", "commands", "applied", "reference", "telemetry"):
+        np.testing.assert_allclose(getattr(flight, name), getattr(again, name), rtol=1e-9, atol=1e-9)
+
+
+@needs_ros
+def test_ctrl_c_leaves_a_recording_that_can_be_analysed(tmp_path: Path) -> None:
+    folder = tmp_path / "flight"
+    process = start(folder, "--set", "duration_s=600")
+    recording = folder / "flight_0.mcap"
+    deadline = time.monotonic() + 60
+    while not recording.is_file() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert f"stopped: the recording so far is in {folder}" in stderr
+    assert "Traceback" not in stderr
+    assert (folder / "metadata.yaml").is_file()
+
+
+@needs_ros
+def test_a_node_that_fails_is_named(tmp_path: Path) -> None:
+    process = start(tmp_path / "flight", RMW_IMPLEMENTATION="rmw_of_nobody")
+    stdout, stderr = process.communicate(timeout=120)
+    assert (process.returncode, stdout) == (1, "")
+    assert " node failed (" in stderr
+    assert "rmw_of_nobody" in stderr
+
+
+def test_run_folders_of_one_second_do_not_meet(tmp_path: Path) -> None:
+    folders = [new_run_folder(tmp_path, scenario_of()) for _ in range(2)]
+    assert all(folder.name.endswith("Z_synthetic") for folder in folders)
+    folders[1].mkdir()
+    assert new_run_folder(tmp_path, scenario_of()) != folders[1]
+
+
+def test_nodes_stay_on_this_machine_and_in_a_domain_of_their_own() -> None:
+    environment = node_environment({"PATH": "/bin"})
+    assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert 1 <= int(environment["ROS_DOMAIN_ID"]) <= 101
+
+
+def test_what_the_caller_has_set_stands() -> None:
+    given = {
+        "ROS_DOMAIN_ID": "7",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
+        "LD_LIBRARY_PATH": "/opt/ros/lib",
+    }
+    assert node_environment(given) == given
+
+
+def test_the_libraries_of_another_environment_are_not_handed_on() -> None:
+    given = {
+        "ROS_DOMAIN_ID": "7",
+        "_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1",
+        "LD_LIBRARY_PATH": "/a/site-packages/ros_rcl.libs:/mine",
+    }
+    environment = node_environment(given)
+    assert environment["LD_LIBRARY_PATH"] == "/mine"
+    assert "_ROS_WHEELS_BOOTSTRAP_COMPLETE" not in environment
+
+
+def test_a_domain_in_use_is_not_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    domain = free_domain()
+    monkeypatch.setattr("skydiver_utc.verbs.ros_environment._DOMAINS", [domain])
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as node:
+        node.bind(("", 7410 + 250 * domain))
+        with pytest.raises(Exception, match="no free ROS domain"):
+            free_domain()
+    assert free_domain() == domain

@@ -1,0 +1,34 @@
+"""How a node process treats signals, in this process."""
+
+import signal
+from collections.abc import Iterator
+
+import pytest
+
+from skydiver_utc.nodes.process import StopRequest
+
+
+@pytest.fixture
+def stop() -> Iterator[StopRequest]:
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield StopRequest()
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_interrupts_the_start_and_a_further_one_does_nothing(
+    stop: StopRequest, number: signal.Signals
+) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(number)
+    signal.raise_signal(signal.SIGINT)
+    assert stop.requested
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_once_the_node_runs_a_signal_is_only_noted(stop: StopRequest, number: signal.Signals) -> None:
+    stop.deferred = True
+    signal.raise_signal(number)
+    signal.raise_signal(number)
+    assert stop.requested

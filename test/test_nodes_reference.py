@@ -1,0 +1,121 @@
+"""The reference node against a partner that plays the plant's clock."""
+
+from typing import Any
+
+import pytest
+from ros_fixtures import Partner, Ros, overrides
+from rosgraph_msgs.msg import Clock
+
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.messages import ClockWriter
+from skydiver_utc.nodes.preview import read_preview
+from skydiver_utc.nodes.preview_publisher import ReferenceNode
+from skydiver_utc.parameters import load_scenario, scenario_names
+from skydiver_utc.simulation.build import build_controller, build_reference
+
+pytest_plugins = ("ros_fixtures",)
+
+PREVIEW, CHUNK = 30, 10
+
+
+class Stage:
+    """A reference node with short chunks, and the clock that a test turns."""
+
+    def __init__(self, ros: Ros, **parameters: object) -> None:
+        self.ros = ros
+        given = {"preview_steps": PREVIEW, "chunk_steps": CHUNK} | parameters
+        self.node: ReferenceNode = ros.add(ReferenceNode(ros.context, overrides(**given)))  # type: ignore[arg-type]
+        self.plant: Partner = ros.partner("plant")
+        self.setpoints = self.plant.hear(topics.SETPOINT)
+        self.chunks = self.plant.hear(topics.REFERENCE_PREVIEW)
+        self.write = ClockWriter(self.node.grid).fill
+
+    def turn_to(self, *steps: int) -> None:
+        """Send the clock of these steps and wait for their setpoints."""
+        for k in steps:
+            expected = len(self.setpoints) + 1
+            self.plant.sends(topics.CLOCK).publish(self.write(k))
+            self.ros.spin_until(lambda expected=expected: len(self.setpoints) >= expected)  # type: ignore[misc]
+
+    def begun(self) -> "Stage":
+        self.plant.sends(topics.CLOCK)
+        self.ros.spin_until(lambda: self.chunks)
+        return self
+
+    def first_steps(self) -> list[int]:
+        return [read_preview(chunk, self.node.grid)[0] for chunk in self.chunks]
+
+
+@pytest.fixture
+def stage(ros: Ros) -> Stage:
+    return Stage(ros)
+
+
+def test_the_first_chunk_comes_when_there_is_a_clock(stage: Stage) -> None:
+    stage.ros.spin_for(0.2)
+    assert stage.chunks == []
+    stage.begun()
+    k0, values = read_preview(stage.chunks[0], stage.node.grid)
+    expected = build_reference(stage.node.scenario).preview(0, PREVIEW + 2 * CHUNK + 1)
+    assert (k0, values.tobytes()) == (0, expected.tobytes())
+
+
+def test_each_step_has_its_setpoint_and_a_preview_that_covers_it(stage: Stage) -> None:
+    stage.begun()
+    stage.turn_to(*range(35))
+    stage.ros.spin_until(lambda: len(stage.chunks) == 4)
+    assert stage.first_steps() == [0, 10, 20, 30]
+    reference = build_reference(stage.node.scenario)
+    for k, setpoint in enumerate(stage.setpoints):
+        assert stage.node.grid.step_of(setpoint.header.stamp) == k
+        assert setpoint.twist.angular.z == reference.value(k)
+        k0, values = read_preview(stage.chunks[k // CHUNK], stage.node.grid)
+        assert values[k - k0 :].size > PREVIEW
+        assert values[k - k0] == reference.value(k)
+
+
+def test_a_late_listener_gets_the_newest_chunk(stage: Stage) -> None:
+    stage.begun()
+    stage.turn_to(0, 12, 25)
+    late = stage.ros.partner("late").hear(topics.REFERENCE_PREVIEW)
+    stage.ros.spin_until(lambda: late and read_preview(late[-1], stage.node.grid)[0] == 20)
+
+
+def test_a_clock_that_jumps_finds_its_chunk(stage: Stage) -> None:
+    stage.begun()
+    stage.turn_to(0, 95, 3)
+    stage.ros.spin_until(lambda: len(stage.chunks) == 3)
+    assert stage.first_steps() == [0, 90, 0]
+
+
+def test_a_repeated_clock_repeats_no_chunk(stage: Stage) -> None:
+    stage.begun()
+    stage.turn_to(12, 12, 12)
+    stage.ros.spin_until(lambda: len(stage.chunks) == 2)
+    stage.ros.spin_for(0.1)
+    assert stage.first_steps() == [0, 10]
+
+
+@pytest.mark.parametrize("edit", ["off the grid", "not set"])
+def test_a_clock_that_cannot_be_used_is_counted(stage: Stage, edit: str) -> None:
+    stage.begun()
+    bad: Any = Clock()
+    if edit == "off the grid":
+        stage.node.grid.set_stamp(bad.clock, 3)
+        bad.clock.nanosec += 1
+    stage.plant.sends(topics.CLOCK).publish(bad)
+    stage.turn_to(1)
+    assert stage.node.refusals.counts == {"stamp": 1}
+    assert len(stage.setpoints) == 1
+
+
+def test_it_waits_for_an_awaited_recorder(ros: Ros) -> None:
+    stage = Stage(ros, wait_for_recorder=True)
+    stage.plant.sends(topics.CLOCK)
+    stage.begun()  # the partner hears both topics, as a recorder does
+
+
+def test_the_default_preview_is_enough_for_every_scenario_of_the_paper(ros: Ros) -> None:
+    node = ros.add(ReferenceNode(ros.context, overrides()))
+    for name in scenario_names():
+        assert build_controller(load_scenario(name)).preview_steps <= node.own["preview_steps"]
