@@ -84,7 +84,7 @@ class ScenarioNode(Node):
 
 def _descriptor(leaf: Leaf) -> ParameterDescriptor:
     """Unit, meaning and range of a parameter that cannot be set after the start."""
-    text = f"{leaf.description} [{leaf.unit}]" if leaf.unit else leaf.description
+    text = leaf.description if leaf.unit in ("", "1") else f"{leaf.description} [{leaf.unit}]"
     descriptor = ParameterDescriptor(description=text, read_only=True)
     if leaf.choices:
         descriptor.additional_constraints = "one of " + ", ".join(leaf.choices)
