@@ -41,7 +41,7 @@ setup(
             "click>=8.2",
             "hypothesis>=6.98",
             "mcap-ros2-support>=0.5",
-            "pytest>=7.4",
+            "pytest>=9",
             "pytest-xdist>=3.4",
         ],
         "dev": ["mypy>=1.11", "ruff>=0.9", "scipy-stubs", "types-PyYAML"],

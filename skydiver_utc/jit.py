@@ -4,7 +4,7 @@ Contraction, reassociation and unsigned zeros let the loops over the segments be
 infinity keep their meaning, so that checks for them work. Kernels are inlined into those that call them: otherwise
 the order of additions, and with it the last bit, would depend on whether the callee came from the cache.
 Numba renews a cached kernel when its own file changes, but not when a kernel that it calls from another file
-does; so the cache lies in a folder named after the contents of all sources of the package.
+does; so the cache lies in a folder named after the contents of all rooms that hold kernels or their constants.
 """
 
 import hashlib
@@ -17,11 +17,15 @@ import numba
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
+_ROOMS_WITH_KERNELS = ("plant", "unscented", "control", "simulation")
+
+
 def _cache_folder() -> str:
     package = Path(__file__).parent
-    digest = hashlib.blake2b(digest_size=6)
-    for source in sorted(package.rglob("*.py")):
-        digest.update(source.read_bytes())
+    digest = hashlib.blake2b(Path(__file__).read_bytes(), digest_size=6)
+    for room in _ROOMS_WITH_KERNELS:
+        for source in sorted((package / room).rglob("*.py")):
+            digest.update(source.read_bytes())
     return str(package / "__pycache__" / f"kernels_{digest.hexdigest()}")
 
 
