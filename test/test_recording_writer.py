@@ -269,7 +269,11 @@ def test_interrupted_recording_is_whole_after_close_in_finally(tmp_path):
 def test_interrupt_at_any_instruction_leaves_whole_records(tmp_path, delay_s):
     """A real signal in the middle of busy writing, with flushes going on all the time."""
 
+    interrupted = False
+
     def interrupt(_number, _frame):
+        nonlocal interrupted
+        interrupted = True  # the exception is lost if the signal comes inside a garbage collector's callback
         raise KeyboardInterrupt
 
     returned = 0
@@ -278,7 +282,7 @@ def test_interrupt_at_any_instruction_leaves_whole_records(tmp_path, delay_s):
     try:
         channel = add_string_topic(bag)
         signal.setitimer(signal.ITIMER_REAL, delay_s)
-        while True:
+        while not interrupted:
             bag.write(channel, text_message(str(returned)), START_NS + returned, START_NS)
             returned += 1
     except KeyboardInterrupt:

@@ -99,3 +99,6 @@ def _run(node_class: Any, arguments: list[str]) -> int:
     finally:
         executor.shutdown()
         rclpy.try_shutdown()
+        # The interpreter gives signals back to the system before it ends: one that comes late would kill it then.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
