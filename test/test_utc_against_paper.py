@@ -80,6 +80,10 @@ def nonlinear_plant(x, u, dt):
     return np.array([rate])
 
 
+def held_step(plant, x, u):
+    return plant.step(x, np.append(u, 0.0), np.append(u, 0.0))
+
+
 def toy_predict(steps):
     def predict(state, applied, points, preview, y, saved):
         for i, point in enumerate(points):
@@ -172,7 +176,7 @@ def test_skydiver_utc_equals_the_paper(readings):
             Pu = paper.initial_covariance(s12, s13, -1.0)
         Qu = paper.process_noise(s12, s13, s14[k])
         expected = paper.utc_step(
-            U, Pu, x, window, Qu, lambda s, u, dt: plant.step(s, u), lambda s: s[12:13], lambda s: float(s[12]),
+            U, Pu, x, window, Qu, lambda s, u, dt: held_step(plant, s, u), lambda s: s[12:13], lambda s: float(s[12]),
             settings, y_before=measured,
         )  # fmt: skip
         if parameters.first_increment_reading == "measured":
@@ -180,7 +184,7 @@ def test_skydiver_utc_equals_the_paper(readings):
         np.testing.assert_allclose(decision.control, expected.U, rtol=1e-7, atol=1e-8)
         assert decision.telemetry[0] == pytest.approx(float(expected.updated.Ypred[0]), rel=1e-8, abs=1e-10)
         U, Pu = expected.U, expected.Pu
-        x = plant.step(x, U)
+        x = held_step(plant, x, U)
 
 
 @pytest.mark.parametrize("sign", ["signed", "printed"])
