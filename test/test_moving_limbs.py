@@ -52,7 +52,7 @@ def total_angular_momentum(scenario, state, alpha, rate):
     for i in range(16):
         R = here.rotation[i]
         spin = turning[i] @ R.T
-        omega = state[10:13] + [spin[2, 1], spin[0, 2], spin[1, 0]]
+        omega = state[10:13] + np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
         total += R @ (body.inertia[i] * (R.T @ omega))
         moving = velocity[i] + np.cross(state[10:13], here.centre[i])
         total += body.mass[i] * np.cross(here.centre[i], moving)

@@ -63,7 +63,8 @@ def random_control(rng):
 
 
 def exact_geometry(alpha):
-    geometry, inverse = pack_geometry(BODY, configuration(BODY, angles(alpha))), np.empty(6)
+    placed = configuration(BODY, angles(alpha))
+    geometry, inverse = pack_geometry(BODY, placed, np.zeros(3)), np.empty(6)
     invert_inertia(geometry, inverse)
     return geometry, inverse
 

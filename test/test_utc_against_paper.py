@@ -11,6 +11,7 @@ from skydiver_utc.control.pose import PoseController
 from skydiver_utc.control.protocol import Status
 from skydiver_utc.control.utc import UnscentedTransformController
 from skydiver_utc.parameters import PoseControllerParameters, UtcParameters, load_scenario
+from skydiver_utc.plant.dynamics import WORK_SIZE, rk4_step
 from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
 from skydiver_utc.unscented.covariance import symmetric_root
 from skydiver_utc.unscented.sigma_points import weights
@@ -81,7 +82,10 @@ def nonlinear_plant(x, u, dt):
 
 
 def held_step(plant, x, u):
-    return plant.step(x, np.append(u, 0.0), np.append(u, 0.0))
+    """The controller's model: the posture held over the step."""
+    following = np.empty(13)
+    rk4_step(plant.model, x, u, following, np.empty(WORK_SIZE))
+    return following
 
 
 def toy_predict(steps):
@@ -176,8 +180,8 @@ def test_skydiver_utc_equals_the_paper(readings):
             Pu = paper.initial_covariance(s12, s13, -1.0)
         Qu = paper.process_noise(s12, s13, s14[k])
         expected = paper.utc_step(
-            U, Pu, x, window, Qu, lambda s, u, dt: held_step(plant, s, u), lambda s: s[12:13], lambda s: float(s[12]),
-            settings, y_before=measured,
+            U, Pu, x, window, Qu, lambda s, u, dt: held_step(plant, s, u),
+            lambda s: s[12:13], lambda s: float(s[12]), settings, y_before=measured,
         )  # fmt: skip
         if parameters.first_increment_reading == "measured":
             measured = float(x[12])

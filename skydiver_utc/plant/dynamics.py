@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 STATE_SIZE = 13
 _DRIFT_SIZE = 3 * SEGMENT_COUNT
-# Work space of a step: geometry, inverse inertia, velocities of the segments by the limbs' motion, load, three states.
+# Work space of a step: geometry, inverse inertia, the segments' velocities by limb motion, load, three states.
 WORK_SIZE = GEOMETRY_SIZE + 6 + _DRIFT_SIZE + 6 + 3 * STATE_SIZE
 
 

@@ -80,21 +80,19 @@ def posture_row(body: Body, neutral: Array, direction: Array, alpha: float) -> A
     """The row (153,) of the geometry table at a pattern angle [rad]; neutral and direction are (15, 3)."""
     angles = neutral + alpha * direction
     placed = configuration(body, angles)
-    return np.concatenate(
-        [pack_geometry(body, placed), _swing(body, placed, *motion(body, placed, angles, direction))]
-    )
+    return pack_geometry(body, placed, swing(body, placed, *motion(body, placed, angles, direction)))
 
 
-def pack_geometry(body: Body, posture: Configuration) -> Array:
-    """Positions, drag areas and inertia of one posture (150,): all that a held posture needs."""
+def pack_geometry(body: Body, posture: Configuration, swing_per_rate: Array) -> Array:
+    """One posture as a row (153,): positions, drag areas, inertia, and the limbs' momentum for a unit rate."""
     drag = np.einsum("ijk,ik,ilk->ijl", posture.rotation, body.drag_area, posture.rotation)
     blocks = [posture.centre[:, axis] for axis in range(3)]
     blocks += [drag[:, i, j] for i, j in _SYMMETRIC]
     blocks.append(np.array([posture.inertia[i, j] for i, j in _SYMMETRIC]))
-    return np.concatenate(blocks)
+    return np.concatenate([*blocks, swing_per_rate])
 
 
-def _swing(body: Body, placed: Configuration, velocity: Array, turning: Array) -> Array:
+def swing(body: Body, placed: Configuration, velocity: Array, turning: Array) -> Array:
     """Angular momentum (3,) about the centre of mass, in pelvis axes, of limbs in motion (`motion`)."""
     spin = np.einsum("ijk,ik,ilk,il->ij", placed.rotation, body.inertia, placed.rotation, turning)
     total: Array = (spin + body.mass[:, None] * np.cross(placed.centre, velocity)).sum(axis=0)
