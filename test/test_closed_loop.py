@@ -80,14 +80,21 @@ def test_the_same_scenario_gives_the_same_bits():
 
 
 def test_commands_respect_bounds_and_slew_rate():
-    flight = flown(FAST, duration_s=6.0)
+    flight = flown(FAST, duration_s=6.0, plant__limbs__reaction=False)
     limits = flight.scenario.plant.limits
     assert (flight.commands >= np.array(limits.minimum)).all()
     assert (flight.commands <= np.array(limits.maximum)).all()
     slew = np.abs(np.diff(flight.commands[:, 3], prepend=0.0))
     assert slew.max() <= limits.alpha_rate * flight.scenario.dt_s + 1e-15
-    # The plant has the same limits, so it applies what it is asked.
+    # With limbs that follow at once the plant has the same limits, so it applies what it is asked.
     np.testing.assert_array_equal(flight.commands, flight.applied)
+
+
+def test_moving_limbs_lag_behind_the_command():
+    flight = flown(FAST, duration_s=6.0)
+    lag = np.abs(flight.commands[:, 3] - flight.applied[:, 3])
+    assert 0.0 < lag.max() < 0.15
+    np.testing.assert_array_equal(flight.commands[:, :3], flight.applied[:, :3])
 
 
 @pytest.mark.parametrize(

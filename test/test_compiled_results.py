@@ -15,8 +15,8 @@ from skydiver_utc.simulation.build import build_plant
 from skydiver_utc.simulation.closed_loop import simulate
 if {plant_first}:
     plant = build_plant(load_scenario("fast_turn_unknown_dynamics"))
-    control = plant.initial_control()
-    plant.step(plant.initial_state(), plant.apply_limits(control, control))
+    held = plant.initial_applied()
+    plant.step(plant.initial_state(), held, plant.actuate(held[:4], held))
 if {fly}:
     flight = simulate(load_scenario("fast_turn_unknown_dynamics", {{"duration_s": 2.0}}))
     print(hashlib.sha256(flight.states.tobytes() + flight.commands.tobytes()).hexdigest())

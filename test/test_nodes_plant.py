@@ -58,17 +58,17 @@ def test_it_flies_in_lockstep_and_tells_everything(ros: Ros) -> None:
     ros.spin_until(lambda: len(heard[topics.APPLIED_COMMAND]) == plant.scenario.steps)
 
     reference = build_plant(plant.scenario)
-    state, applied = reference.initial_state(), reference.initial_control()
+    state, applied = reference.initial_state(), reference.initial_applied()
     for k, message in enumerate(states):
         assert plant.grid.step_of(message.header.stamp) == k
         assert read_state(message).tobytes() == state.tobytes()
         assert plant.grid.step_of(heard[topics.CLOCK][k].clock) == k
         if k < plant.scenario.steps:
-            applied = reference.apply_limits(COMMAND, applied)
-            state = reference.step(state, applied)
+            before, applied = applied, reference.actuate(COMMAND, applied)
+            state = reference.step(state, before, applied)
             told = heard[topics.APPLIED_COMMAND][k]
             assert plant.grid.step_of(told.header.stamp) == k
-            assert read_named_values(told, CONTROL_NAMES).tobytes() == applied.tobytes()
+            assert read_named_values(told, CONTROL_NAMES).tobytes() == applied[:4].tobytes()
     postures = heard[topics.JOINT_STATES]
     assert steps_of(postures, plant) == [0, 8, 16]
     assert tuple(postures[0].name) == reference.joint_names

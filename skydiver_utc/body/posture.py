@@ -96,6 +96,26 @@ def configuration(body: Body, angles: Array) -> Configuration:
     return Configuration(centre, rotation, inertia, proximal, centre_of_mass)
 
 
+def motion(body: Body, placed: Configuration, angles: Array, rates: Array) -> tuple[Array, Array]:
+    """Velocities (16, 3) [m/s] of the segments against the centre of mass, and their turning (16, 3) [rad/s].
+
+    For joint angles (15, 3) [rad] that change at `rates` (15, 3) [rad/s], in pelvis axes, the pelvis at rest.
+    """
+    signed, signed_rates = angles * _SIGNS, rates * _SIGNS
+    turning, joint_velocity = np.zeros((16, 3)), np.zeros((16, 3))
+    for i in range(1, 16):
+        parent = body.parent[i]
+        (about_y, about_z, _), (rate_y, rate_z, rate_x) = signed[i - 1], signed_rates[i - 1]
+        cy, sy, cz, sz = np.cos(about_y), np.sin(about_y), np.cos(about_z), np.sin(about_z)
+        axis_z, axis_x = np.array([sy, 0.0, cy]), np.array([cy * cz, sz, -sy * cz])
+        own = np.array([0.0, rate_y, 0.0]) + rate_z * axis_z + rate_x * axis_x
+        turning[i] = turning[parent] + placed.rotation[parent] @ own
+        arm = placed.proximal[i] - placed.proximal[parent]
+        joint_velocity[i] = joint_velocity[parent] + np.cross(turning[parent], arm)
+    velocity = joint_velocity + np.cross(turning, placed.centre - placed.proximal)
+    return velocity - body.mass @ velocity / body.mass.sum(), turning
+
+
 def _euler_yzx(angles: Array) -> Array:
     """Rotations (n, 3, 3) about y, then the turned z, then the turned x, for angles (n, 3) in rad."""
     (cy, cz, cx), (sy, sz, sx) = np.cos(angles).T, np.sin(angles).T

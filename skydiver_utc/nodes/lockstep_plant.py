@@ -42,7 +42,7 @@ class PlantNode(ScenarioNode):
         self._plant = build_plant(self.scenario)
         self._monitor = OutcomeMonitor(self.scenario)
         self._state = self._plant.initial_state()
-        self._applied = self._plant.initial_control()
+        self._applied = self._plant.initial_applied()
         self._compile()
         self._create_writers()
         self._create_publishers()
@@ -101,7 +101,7 @@ class PlantNode(ScenarioNode):
 
     def _compile(self) -> None:
         """Step once and forget it, so that no flight waits for the compiler."""
-        self._plant.step(self._state, self._plant.apply_limits(self._applied, self._applied))
+        self._plant.step(self._state, self._applied, self._plant.actuate(self._applied[:4], self._applied))
 
     def _create_writers(self) -> None:
         self._write_state = StateWriter(self.grid).fill
@@ -164,8 +164,8 @@ class PlantNode(ScenarioNode):
             self._finish()
 
     def _step(self, command: Vector) -> None:
-        self._applied = self._plant.apply_limits(command, self._applied)
-        self._state = self._plant.step(self._state, self._applied)
+        before, self._applied = self._applied, self._plant.actuate(command, self._applied)
+        self._state = self._plant.step(self._state, before, self._applied)
         goes_on = self._monitor.observe(self.k + 1, self._state)
         self.k += 1
         self.retries = 0
@@ -183,7 +183,7 @@ class PlantNode(ScenarioNode):
         self._clocks.publish(self._write_clock(self.k))
 
     def _publish_applied(self, k: int) -> None:
-        self._applieds.publish(self._write_applied(k, self._applied))
+        self._applieds.publish(self._write_applied(k, self._applied[:4]))
         if k % self._display_steps == 0:
             angles = self._plant.joint_angles(float(self._applied[3]))
             self._joints.publish(self._write_joints(k, angles))

@@ -15,7 +15,15 @@ from skydiver_utc.parameters.body import (
 from skydiver_utc.parameters.controller import PoseControllerParameters, UtcParameters
 from skydiver_utc.parameters.leaves import Leaf, leaves
 from skydiver_utc.parameters.loading import load_scenario, scenario_names, to_yaml
-from skydiver_utc.parameters.plant import Air, Damping, Hands, InitialCondition, Limits, PlantParameters
+from skydiver_utc.parameters.plant import (
+    Air,
+    Damping,
+    Hands,
+    InitialCondition,
+    Limbs,
+    Limits,
+    PlantParameters,
+)
 from skydiver_utc.parameters.reference import ConstantReference, SineReference
 from skydiver_utc.parameters.scenario import Scenario
 from skydiver_utc.parameters.yaml_io import ParameterError
@@ -27,6 +35,7 @@ __all__ = [
     "Hands",
     "InitialCondition",
     "Leaf",
+    "Limbs",
     "Limits",
     "MovementPattern",
     "ParameterError",

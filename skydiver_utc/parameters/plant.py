@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from skydiver_utc.parameters.fields import Parameters, quantity
+from skydiver_utc.parameters.fields import Parameters, quantity, text
 
 Range = tuple[float, float]
 
@@ -59,12 +59,22 @@ class Limits(Parameters, frozen=True):
         return (self.Cm_damp_yaw[1], self.k_right[1], self.k_left[1], self.alpha[1])
 
 
+class Limbs(Parameters, frozen=True):
+    """How the limbs follow the pattern angle asked for, and whether the body feels their motion."""
+
+    reaction: Annotated[bool, text("whether moving limbs turn the body (their angular momentum is kept)")]
+    alpha_acceleration: Annotated[
+        float, quantity("rad/s2", "largest acceleration of the pattern angle", gt=0, le=1e5)
+    ]
+
+
 class PlantParameters(Parameters, frozen=True):
     """Everything about the fall that is not the body."""
 
     damping: Damping
     hands: Hands
     limits: Limits
+    limbs: Limbs
     pattern_nodes: Annotated[int, quantity("1", "nodes of the posture table over alpha", ge=9, le=1025)] = 65
 
 

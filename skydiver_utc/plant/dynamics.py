@@ -3,29 +3,34 @@
 State (13,): position in world, quaternion x y z w body to world, velocity in body, body rates.
 Control (4,): Cm_damp_yaw, k_right, k_left, alpha.
 
-Each segment feels -1/2 rho |v_i| A_i v_i at its own velocity v_i = V + omega x r_i, where A_i is the
-segment's drag-area matrix in the body frame; damping moments and the hands' force and moment (eq_force2) act
-on the whole body:  m (V' + omega x V) = F + m g,  I omega' + omega x I omega = M.
-The posture is held over a step; the reaction of the moving limbs on the body is not in this model yet, its place
-is the moment below.
+Each segment feels -1/2 rho |v_i| A_i v_i at its own velocity v_i = V + omega x r_i + r_i' alpha', where A_i is
+the segment's drag-area matrix in the body frame; damping moments and the hands' force and moment (eq_force2) act
+on the whole body. With the total angular momentum H = I omega + h alpha' about the centre of mass, h the limbs'
+angular momentum for a unit rate of alpha:
+
+    m (V' + omega x V) = F + m g,    H' + omega x H = M,    omega = I^-1 (H - h alpha')
+
+A step integrates H, so limbs that move turn the body without any rate that jumps or is lost. For a held posture
+alpha' is zero and this is the rigid body.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.jit import kernel
-from skydiver_utc.plant.model import GEOMETRY_SIZE, INERTIA_AT, SEGMENT_COUNT, PlantModel
+from skydiver_utc.plant.model import GEOMETRY_SIZE, INERTIA_AT, SEGMENT_COUNT, SWING_AT, PlantModel
 
 Array = NDArray[np.float64]
 
 STATE_SIZE = 13
-# Work space of `rk4_step`: geometry, inverse inertia, three states.
-WORK_SIZE = GEOMETRY_SIZE + 6 + 3 * STATE_SIZE
+_DRIFT_SIZE = 3 * SEGMENT_COUNT
+# Work space of a step: geometry, inverse inertia, the segments' velocities by limb motion, load, three states.
+WORK_SIZE = GEOMETRY_SIZE + 6 + _DRIFT_SIZE + 6 + 3 * STATE_SIZE
 
 
 @kernel
 def posture_geometry(model: PlantModel, alpha: float, out: Array) -> None:
-    """Geometry (150,) at a pattern angle: cubic through the four nearest nodes of the table."""
+    """Geometry (153,) at a pattern angle: cubic through the four nearest nodes of the table."""
     nodes = model.geometry.shape[0]
     position = (alpha - model.alpha_first) * model.nodes_per_rad
     left = min(max(int(np.floor(position)) - 1, 0), nodes - 4)
@@ -36,6 +41,25 @@ def posture_geometry(model: PlantModel, alpha: float, out: Array) -> None:
     w3 = s * (s - 1.0) * (s - 2.0) / 6.0
     table = model.geometry
     for i in range(GEOMETRY_SIZE):
+        out[i] = (
+            w0 * table[left, i] + w1 * table[left + 1, i] + w2 * table[left + 2, i] + w3 * table[left + 3, i]
+        )
+
+
+@kernel
+def segment_drift(model: PlantModel, alpha: float, rate: float, out: Array) -> None:
+    """Velocities (48,), x then y then z, of the segments in the body frame when alpha moves at `rate` [rad/s]."""
+    nodes = model.geometry.shape[0]
+    position = (alpha - model.alpha_first) * model.nodes_per_rad
+    left = min(max(int(np.floor(position)) - 1, 0), nodes - 4)
+    s = position - left
+    scale = rate * model.nodes_per_rad
+    w0 = -scale * ((s - 2.0) * (s - 3.0) + (s - 1.0) * (s - 3.0) + (s - 1.0) * (s - 2.0)) / 6.0
+    w1 = scale * ((s - 2.0) * (s - 3.0) + s * (s - 3.0) + s * (s - 2.0)) / 2.0
+    w2 = -scale * ((s - 1.0) * (s - 3.0) + s * (s - 3.0) + s * (s - 1.0)) / 2.0
+    w3 = scale * ((s - 1.0) * (s - 2.0) + s * (s - 2.0) + s * (s - 1.0)) / 6.0
+    table = model.geometry
+    for i in range(_DRIFT_SIZE):
         out[i] = (
             w0 * table[left, i] + w1 * table[left + 1, i] + w2 * table[left + 2, i] + w3 * table[left + 3, i]
         )
@@ -53,14 +77,12 @@ def invert_inertia(geometry: Array, out: Array) -> None:
 
 
 @kernel
-def state_derivative(
-    model: PlantModel, geometry: Array, inverse: Array, control: Array, state: Array, out: Array
+def body_load(
+    model: PlantModel, geometry: Array, drift: Array, moving: bool, control: Array, state: Array, out: Array
 ) -> None:
-    """Time derivative (13,) of the state for a posture's geometry and inverse inertia."""
-    qx, qy, qz, qw = state[3], state[4], state[5], state[6]
+    """Force and moment (6,) of air and hands about the centre of mass, in the body frame; drift as above."""
     vx, vy, vz = state[7], state[8], state[9]
     wx, wy, wz = state[10], state[11], state[12]
-
     fx, fy, fz, mx, my, mz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     n = SEGMENT_COUNT
     for i in range(n):
@@ -68,6 +90,10 @@ def state_derivative(
         ux = vx + wy * rz - wz * ry
         uy = vy + wz * rx - wx * rz
         uz = vz + wx * ry - wy * rx
+        if moving:
+            ux += drift[i]
+            uy += drift[n + i]
+            uz += drift[2 * n + i]
         pressure = -model.half_density * np.sqrt(ux * ux + uy * uy + uz * uz)
         axy, axz, ayz = geometry[6 * n + i], geometry[7 * n + i], geometry[8 * n + i]
         sx = pressure * (geometry[3 * n + i] * ux + axy * uy + axz * uz)
@@ -79,19 +105,24 @@ def state_derivative(
         mx += ry * sz - rz * sy
         my += rz * sx - rx * sz
         mz += rx * sy - ry * sx
-
     damping = model.half_density * np.sqrt(vx * vx + vy * vy + vz * vz) * model.damping_volume
-    mx -= model.damping_roll * damping * wx
-    my -= model.damping_pitch * damping * wy
-    mz -= control[0] * damping * wz
-    mx += model.hand_force * model.hand_arm * (control[2] - control[1])
-    fz += model.hand_force * (control[1] + control[2])
+    out[0], out[1], out[2] = fx, fy, fz + model.hand_force * (control[1] + control[2])
+    hands = model.hand_force * model.hand_arm * (control[2] - control[1])
+    out[3] = mx - model.damping_roll * damping * wx + hands
+    out[4] = my - model.damping_pitch * damping * wy
+    out[5] = mz - control[0] * damping * wz
 
+
+@kernel
+def kinematics(model: PlantModel, load: Array, state: Array, out: Array) -> None:
+    """Derivatives (10,) of position, quaternion and velocity under a load (6,)."""
+    qx, qy, qz, qw = state[3], state[4], state[5], state[6]
+    vx, vy, vz = state[7], state[8], state[9]
+    wx, wy, wz = state[10], state[11], state[12]
     # Rows of the rotation body to world.
     r00, r01, r02 = 1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qz * qw), 2 * (qx * qz + qy * qw)
     r10, r11, r12 = 2 * (qx * qy + qz * qw), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qx * qw)
     r20, r21, r22 = 2 * (qx * qz - qy * qw), 2 * (qy * qz + qx * qw), 1 - 2 * (qx * qx + qy * qy)
-
     out[0] = r00 * vx + r01 * vy + r02 * vz
     out[1] = r10 * vx + r11 * vy + r12 * vz
     out[2] = r20 * vx + r21 * vy + r22 * vz
@@ -99,49 +130,142 @@ def state_derivative(
     out[4] = 0.5 * (qw * wy + qz * wx - qx * wz)
     out[5] = 0.5 * (qw * wz + qx * wy - qy * wx)
     out[6] = -0.5 * (qx * wx + qy * wy + qz * wz)
-    out[7] = fx / model.mass - model.gravity * r20 - (wy * vz - wz * vy)
-    out[8] = fy / model.mass - model.gravity * r21 - (wz * vx - wx * vz)
-    out[9] = fz / model.mass - model.gravity * r22 - (wx * vy - wy * vx)
-
-    j = INERTIA_AT
-    hx = geometry[j] * wx + geometry[j + 3] * wy + geometry[j + 4] * wz
-    hy = geometry[j + 3] * wx + geometry[j + 1] * wy + geometry[j + 5] * wz
-    hz = geometry[j + 4] * wx + geometry[j + 5] * wy + geometry[j + 2] * wz
-    mx -= wy * hz - wz * hy
-    my -= wz * hx - wx * hz
-    mz -= wx * hy - wy * hx
-    out[10] = inverse[0] * mx + inverse[3] * my + inverse[4] * mz
-    out[11] = inverse[3] * mx + inverse[1] * my + inverse[5] * mz
-    out[12] = inverse[4] * mx + inverse[5] * my + inverse[2] * mz
+    out[7] = load[0] / model.mass - model.gravity * r20 - (wy * vz - wz * vy)
+    out[8] = load[1] / model.mass - model.gravity * r21 - (wz * vx - wx * vz)
+    out[9] = load[2] / model.mass - model.gravity * r22 - (wx * vy - wy * vx)
 
 
 @kernel
-def rk4_step(model: PlantModel, state: Array, control: Array, out: Array, work: Array) -> None:
-    """One step of dt with the control and its posture held (classical Runge-Kutta, quaternion normalised).
+def angular_momentum(geometry: Array, rate: float, state: Array, out: Array) -> None:
+    """H = I omega + h alpha' (3,) about the centre of mass, in the body frame."""
+    j = INERTIA_AT
+    wx, wy, wz = state[10], state[11], state[12]
+    out[0] = geometry[j] * wx + geometry[j + 3] * wy + geometry[j + 4] * wz + rate * geometry[SWING_AT]
+    out[1] = (
+        geometry[j + 3] * wx + geometry[j + 1] * wy + geometry[j + 5] * wz + rate * geometry[SWING_AT + 1]
+    )
+    out[2] = (
+        geometry[j + 4] * wx + geometry[j + 5] * wy + geometry[j + 2] * wz + rate * geometry[SWING_AT + 2]
+    )
 
-    out (13,) may be the state itself; work is scratch of `WORK_SIZE` numbers.
+
+@kernel
+def body_rates(geometry: Array, inverse: Array, rate: float, momentum: Array, out: Array) -> None:
+    """omega = I^-1 (H - h alpha') into out[10:13], H (3,)."""
+    x = momentum[0] - rate * geometry[SWING_AT]
+    y = momentum[1] - rate * geometry[SWING_AT + 1]
+    z = momentum[2] - rate * geometry[SWING_AT + 2]
+    out[10] = inverse[0] * x + inverse[3] * y + inverse[4] * z
+    out[11] = inverse[3] * x + inverse[1] * y + inverse[5] * z
+    out[12] = inverse[4] * x + inverse[5] * y + inverse[2] * z
+
+
+@kernel
+def state_derivative(
+    model: PlantModel, geometry: Array, inverse: Array, control: Array, state: Array, out: Array
+) -> None:
+    """Time derivative (13,) of the state in a held posture, from its geometry and inverse inertia."""
+    load = np.empty(6)
+    momentum = np.empty(3)
+    body_load(model, geometry, geometry, False, control, state, load)
+    kinematics(model, load, state, out)
+    angular_momentum(geometry, 0.0, state, momentum)
+    _momentum_derivative(load, momentum, state, momentum)
+    body_rates(geometry, inverse, 0.0, momentum, out)
+
+
+@kernel
+def _momentum_derivative(load: Array, momentum: Array, state: Array, out: Array) -> None:
+    """H' = M - omega x H (3,), in the body frame; out may be the momentum."""
+    wx, wy, wz = state[10], state[11], state[12]
+    hx, hy, hz = momentum[0], momentum[1], momentum[2]
+    out[0] = load[3] - (wy * hz - wz * hy)
+    out[1] = load[4] - (wz * hx - wx * hz)
+    out[2] = load[5] - (wx * hy - wy * hx)
+
+
+@kernel
+def _advance(
+    model: PlantModel,
+    state: Array,
+    control: Array,
+    alpha: float,
+    rate: float,
+    rate_after: float,
+    moving: bool,
+    out: Array,
+    work: Array,
+) -> None:
+    """Classical Runge-Kutta over dt; alpha moves from `alpha` with a rate that changes evenly to `rate_after`.
+
+    The integrated vector is the state with H in the place of the body rates; the quaternion is normalised last.
     """
-    g, n, dt = GEOMETRY_SIZE, STATE_SIZE, model.dt
-    geometry, inverse, slope = work[:g], work[g : g + 6], work[g + 6 : g + 6 + n]
-    probe, following = work[g + 6 + n : g + 6 + 2 * n], work[g + 6 + 2 * n : g + 6 + 3 * n]
-    posture_geometry(model, control[3], geometry)
+    g, n, d, dt = GEOMETRY_SIZE, STATE_SIZE, _DRIFT_SIZE, model.dt
+    geometry, inverse, drift = work[:g], work[g : g + 6], work[g + 6 : g + 6 + d]
+    load, rest = work[g + 6 + d : g + 12 + d], work[g + 12 + d :]
+    slope, probe, following = rest[:n], rest[n : 2 * n], rest[2 * n : 3 * n]
+    posture_geometry(model, alpha, geometry)
     invert_inertia(geometry, inverse)
     for i in range(n):
         probe[i] = state[i]
         following[i] = state[i]
+    angular_momentum(geometry, rate, state, following[10:13])
+    start_x, start_y, start_z = following[10], following[11], following[12]
+    momentum_x, momentum_y, momentum_z = start_x, start_y, start_z
+    acceleration = (rate_after - rate) / dt
     # One body for the four stages: unrolled, it would be inlined four times over and compile as long.
     for stage in range(4):
-        state_derivative(model, geometry, inverse, control, probe, slope)
+        if moving:
+            t = 0.0 if stage == 0 else (dt if stage == 3 else 0.5 * dt)
+            rate_now = rate + acceleration * t
+            alpha_now = alpha + rate * t + 0.5 * acceleration * t * t
+            if stage == 1 or stage == 3:
+                posture_geometry(model, alpha_now, geometry)
+                invert_inertia(geometry, inverse)
+            segment_drift(model, alpha_now, rate_now, drift)
+        else:
+            rate_now = 0.0
+        slope[10], slope[11], slope[12] = momentum_x, momentum_y, momentum_z
+        body_rates(geometry, inverse, rate_now, slope[10:13], probe)
+        body_load(model, geometry, drift, moving, control, probe, load)
+        kinematics(model, load, probe, slope)
+        _momentum_derivative(load, slope[10:13], probe, slope[10:13])
         share = dt / 6.0 if stage == 0 or stage == 3 else dt / 3.0
         reach = dt if stage == 2 else 0.5 * dt
         for i in range(n):
             following[i] += share * slope[i]
             probe[i] = state[i] + reach * slope[i]
-    for i in range(n):
+        momentum_x, momentum_y, momentum_z = (
+            start_x + reach * slope[10],
+            start_y + reach * slope[11],
+            start_z + reach * slope[12],
+        )
+    body_rates(geometry, inverse, rate_after if moving else 0.0, following[10:13], out)
+    for i in range(10):
         out[i] = following[i]
     scale = 1.0 / np.sqrt(out[3] * out[3] + out[4] * out[4] + out[5] * out[5] + out[6] * out[6])
     for i in range(3, 7):
         out[i] *= scale
+
+
+@kernel
+def rk4_step(model: PlantModel, state: Array, control: Array, out: Array, work: Array) -> None:
+    """One step of dt with the control (4,) and its posture held; the controllers' model.
+
+    out (13,) may be the state itself; work is scratch of `WORK_SIZE` numbers.
+    """
+    _advance(model, state, control, control[3], 0.0, 0.0, False, out, work)
+
+
+@kernel
+def moving_step(
+    model: PlantModel, state: Array, before: Array, applied: Array, out: Array, work: Array
+) -> None:
+    """One step of dt in which the posture moves: before and applied (5,) end with alpha and its rate [rad/s].
+
+    out (13,) may be the state itself; work is scratch of `WORK_SIZE` numbers.
+    """
+    _advance(model, state, applied, before[3], before[4], applied[4], True, out, work)
 
 
 @kernel
@@ -154,3 +278,26 @@ def limit_control(model: PlantModel, command: Array, previous: Array, out: Array
     for j in range(4):
         out[j] = min(max(command[j], model.control_min[j]), model.control_max[j])
     out[3] = min(max(out[3], alpha - model.alpha_slew), alpha + model.alpha_slew)
+
+
+@kernel
+def drive_limbs(model: PlantModel, target: float, before: Array, applied: Array) -> None:
+    """Move alpha towards a target with bounded rate and acceleration; writes applied[3:5], alpha and its rate.
+
+    The rate changes evenly over the step, to the largest from which the rest can still be braked; the last steps
+    halve the distance and then stop.
+    """
+    dt, most = model.dt, model.alpha_acceleration
+    alpha, rate = before[3], before[4]
+    distance = target - alpha - 0.5 * dt * rate
+    size = abs(distance)
+    braking = most * (np.sqrt(0.25 * dt * dt + 2.0 * size / most) - 0.5 * dt)
+    wanted = min(min(braking, size / dt), model.alpha_slew / dt)
+    if distance < 0.0:
+        wanted = -wanted
+    rate_after = min(max(wanted, rate - most * dt), rate + most * dt)
+    reached = alpha + 0.5 * dt * (rate + rate_after)
+    if reached < model.control_min[3] or reached > model.control_max[3]:
+        reached = min(max(reached, model.control_min[3]), model.control_max[3])
+        rate_after = 2.0 * (reached - alpha) / dt - rate
+    applied[3], applied[4] = reached, rate_after

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.body.posture import Configuration, configuration, pattern_direction, posture_angles
+from skydiver_utc.body.posture import Configuration, configuration, motion, pattern_direction, posture_angles
 from skydiver_utc.body.segments import Body, build_body
 from skydiver_utc.parameters import Scenario
 
@@ -13,17 +13,19 @@ Array = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.80665
 # Numbers per posture: three coordinates and six entries of the drag-area matrix for each of the 16 segments,
-# then the six entries of the inertia (xx, yy, zz, xy, xz, yz).
+# the six entries of the inertia (xx, yy, zz, xy, xz, yz), and the angular momentum of the limbs for a unit rate of
+# the pattern angle.
 SEGMENT_COUNT = 16
 INERTIA_AT = 9 * SEGMENT_COUNT
-GEOMETRY_SIZE = INERTIA_AT + 6
+SWING_AT = INERTIA_AT + 6
+GEOMETRY_SIZE = SWING_AT + 3
 _SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 class PlantModel(NamedTuple):
     """Constants of one skydiver in one air, in SI units.
 
-    geometry (n, 150) rows of `pack_geometry` at equally spaced pattern angles, from alpha_first [rad] on
+    geometry (n, 153) rows of `posture_row` at equally spaced pattern angles, from alpha_first [rad] on
     control_min, control_max (4,)
     """
 
@@ -41,6 +43,8 @@ class PlantModel(NamedTuple):
     control_min: Array
     control_max: Array
     alpha_slew: float
+    alpha_acceleration: float
+    limb_reaction: bool
     dt: float
 
 
@@ -50,7 +54,7 @@ def build_model(scenario: Scenario) -> PlantModel:
     plant = scenario.plant
     alphas = np.linspace(*plant.limits.alpha, plant.pattern_nodes)
     neutral, direction = posture_angles(scenario.posture), pattern_direction(scenario.pattern)
-    rows = [pack_geometry(body, configuration(body, neutral + alpha * direction)) for alpha in alphas]
+    rows = [posture_row(body, neutral, direction, alpha) for alpha in alphas]
     return PlantModel(
         geometry=np.array(rows),
         alpha_first=float(alphas[0]),
@@ -66,14 +70,30 @@ def build_model(scenario: Scenario) -> PlantModel:
         control_min=np.array(plant.limits.minimum),
         control_max=np.array(plant.limits.maximum),
         alpha_slew=plant.limits.alpha_rate * scenario.dt_s,
+        alpha_acceleration=plant.limbs.alpha_acceleration,
+        limb_reaction=plant.limbs.reaction,
         dt=scenario.dt_s,
     )
 
 
-def pack_geometry(body: Body, posture: Configuration) -> Array:
-    """One posture as a row (150,): what the aerodynamics and the equations of motion read."""
+def posture_row(body: Body, neutral: Array, direction: Array, alpha: float) -> Array:
+    """The row (153,) of the geometry table at a pattern angle [rad]; neutral and direction are (15, 3)."""
+    angles = neutral + alpha * direction
+    placed = configuration(body, angles)
+    return pack_geometry(body, placed, swing(body, placed, *motion(body, placed, angles, direction)))
+
+
+def pack_geometry(body: Body, posture: Configuration, swing_per_rate: Array) -> Array:
+    """One posture as a row (153,): positions, drag areas, inertia, and the limbs' momentum for a unit rate."""
     drag = np.einsum("ijk,ik,ilk->ijl", posture.rotation, body.drag_area, posture.rotation)
     blocks = [posture.centre[:, axis] for axis in range(3)]
     blocks += [drag[:, i, j] for i, j in _SYMMETRIC]
     blocks.append(np.array([posture.inertia[i, j] for i, j in _SYMMETRIC]))
-    return np.concatenate(blocks)
+    return np.concatenate([*blocks, swing_per_rate])
+
+
+def swing(body: Body, placed: Configuration, velocity: Array, turning: Array) -> Array:
+    """Angular momentum (3,) about the centre of mass, in pelvis axes, of limbs in motion (`motion`)."""
+    spin = np.einsum("ijk,ik,ilk,il->ij", placed.rotation, body.inertia, placed.rotation, turning)
+    total: Array = (spin + body.mass[:, None] * np.cross(placed.centre, velocity)).sum(axis=0)
+    return total

@@ -1,4 +1,4 @@
-"""A turning pattern by optimisation: the most yaw for the least roll, pitch and slide."""
+"""A turning pattern by optimisation: the most yaw for the least roll, pitch, slide and swing of the limbs."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,9 @@ _PAIRED = (
 _JUDGED = ((0.5, 0.6), (1.0, 0.6), (1.5, 1.8))
 # Costs of squared accelerations along x, y and about x, y against yaw acceleration.
 _COST_OF_X, _COST_OF_Y, _COST_OF_ROLL, _COST_OF_PITCH = 0.05, 0.03, 0.6, 1.2
+# Costs of the squared angular momentum about x and z of limbs that move at 1 rad/s of the pattern: a pattern that
+# swings turns the body the wrong way whenever it starts.
+_COST_OF_SWING_X, _COST_OF_SWING_Z = 0.9, 3.0
 _LARGEST_COMPONENT = 0.55
 
 
@@ -37,12 +40,15 @@ def design_turn(scenario: Scenario, trim: Trim, rng: np.random.Generator, starts
     def cost(free: Array) -> float:
         direction = _direction(free)
         norm = float(np.linalg.norm(direction))
-        total = 0.0
+        total: float = 0.0
         for alpha, weight in _JUDGED:
             a = falling.acceleration(trim.angles + alpha * direction / norm, trim.speed)
             total += _COST_OF_X * a[0] ** 2 + _COST_OF_Y * a[1] ** 2 - weight * a[5]
             total += _COST_OF_ROLL * a[3] ** 2 + _COST_OF_PITCH * a[4] ** 2
-        return total / len(_JUDGED) + (norm - 1.0) ** 2
+        swing = falling.swing(trim.angles, direction / norm)
+        total /= len(_JUDGED)
+        total += _COST_OF_SWING_X * swing[0] ** 2 + _COST_OF_SWING_Z * swing[2] ** 2
+        return float(total + (norm - 1.0) ** 2)
 
     size = len(_MIDLINE) + len(_PAIRED)
     bounds = [(-_LARGEST_COMPONENT, _LARGEST_COMPONENT)] * size

@@ -5,7 +5,14 @@ from numpy.typing import NDArray
 
 from skydiver_utc.body.posture import joint_angle_names, pattern_direction, posture_angles
 from skydiver_utc.parameters import Scenario
-from skydiver_utc.plant.dynamics import STATE_SIZE, WORK_SIZE, limit_control, rk4_step
+from skydiver_utc.plant.dynamics import (
+    STATE_SIZE,
+    WORK_SIZE,
+    drive_limbs,
+    limit_control,
+    moving_step,
+    rk4_step,
+)
 from skydiver_utc.plant.model import PlantModel, build_model
 
 Array = NDArray[np.float64]
@@ -36,20 +43,31 @@ class SkydiverPlant:
         return state
 
     def initial_control(self) -> Array:
-        """Control (4,) applied before step 0."""
+        """Control (4,) asked for before step 0."""
         initial = self._initial
         return np.array([initial.Cm_damp_yaw, initial.k_right, initial.k_left, initial.alpha])
 
-    def apply_limits(self, command: Array, previous_applied: Array) -> Array:
-        """What the actuators make of a command (4,): bounds, then the slew rate of alpha."""
-        applied = np.empty(4)
-        limit_control(self.model, command, previous_applied, applied)
+    def initial_applied(self) -> Array:
+        """What the actuators hold before step 0 (5,): the control, and the rate of alpha [rad/s]."""
+        return np.append(self.initial_control(), 0.0)
+
+    def actuate(self, command: Array, before: Array) -> Array:
+        """What the actuators make of a command (4,) from where they were (5,): bounds, then rates."""
+        applied = np.zeros(5)
+        if self.model.limb_reaction:
+            limit_control(self.model, command, command, applied)
+            drive_limbs(self.model, applied[3], before, applied)
+        else:
+            limit_control(self.model, command, before, applied)
         return applied
 
-    def step(self, state: Array, applied: Array) -> Array:
-        """State (13,) one dt later under an applied control (4,)."""
+    def step(self, state: Array, before: Array, applied: Array) -> Array:
+        """State (13,) one dt later while the actuators go from before (5,) to applied (5,)."""
         following = np.empty(STATE_SIZE)
-        rk4_step(self.model, state, applied, following, self._work)
+        if self.model.limb_reaction:
+            moving_step(self.model, state, before, applied, following, self._work)
+        else:
+            rk4_step(self.model, state, applied, following, self._work)
         return following
 
     def joint_angles(self, alpha: float) -> Array:

@@ -21,7 +21,7 @@ def simulate(scenario: Scenario, progress: Callable[[int, int], None] | None = N
     commands, applied = np.empty((steps, 4)), np.empty((steps, 4))
     telemetry = np.empty((steps, len(controller.telemetry_names)))
     solve_time_s = np.empty(steps)
-    states[0], previous = plant.initial_state(), plant.initial_control()
+    states[0], held = plant.initial_state(), plant.initial_applied()
     monitor = OutcomeMonitor(scenario)
     monitor.observe(0, states[0])
 
@@ -33,8 +33,9 @@ def simulate(scenario: Scenario, progress: Callable[[int, int], None] | None = N
         decision = controller.decide(states[k], profile[k : k + controller.preview_steps + 1])
         solve_time_s[k] = (time.perf_counter_ns() - asked) * 1e-9
         commands[k], telemetry[k] = decision.control, decision.telemetry
-        applied[k] = previous = plant.apply_limits(decision.control, previous)
-        states[k + 1] = plant.step(states[k], previous)
+        before, held = held, plant.actuate(decision.control, held)
+        applied[k] = held[:4]
+        states[k + 1] = plant.step(states[k], before, held)
         if not monitor.observe(k + 1, states[k + 1]):
             flown = k + 1
             break
@@ -61,6 +62,6 @@ def simulate(scenario: Scenario, progress: Callable[[int, int], None] | None = N
 def _compile(scenario: Scenario) -> None:
     """Call every kernel of the loop once, on parts that are thrown away, so that no clock counts compilation."""
     plant, controller = build_plant(scenario), build_controller(scenario)
-    state, control = plant.initial_state(), plant.initial_control()
+    state, held = plant.initial_state(), plant.initial_applied()
     controller.decide(state, build_reference(scenario).preview(0, controller.preview_steps + 1))
-    plant.step(state, plant.apply_limits(control, control))
+    plant.step(state, held, plant.actuate(held[:4], held))
