@@ -139,3 +139,12 @@ def test_progress_ends_with_all_steps():
     )
     assert seen[-1] == (239, 239)
     assert seen == sorted(seen)
+
+
+def test_the_paper_s_hand_force_needs_further_outputs():
+    """K_N = 100 N: without roll and fall rate as outputs tracking is lost, with them it is not."""
+    values = metrics(flown("fast_turn_paper_hands"))
+    assert values["outcome"] == "completed"
+    assert values["rmse_deg_s"] <= 8
+    alone = {"controller__P_err_roll_rate": 0.0, "controller__P_err_fall_rate": 0.0}
+    assert metrics(flown("fast_turn_paper_hands", **alone))["rmse_deg_s"] > 100

@@ -4,6 +4,7 @@ import msgspec
 import numpy as np
 import paper_utc as paper
 import pytest
+from scipy.spatial.transform import Rotation
 
 from skydiver_utc.control.coupling import CouplingSchedule
 from skydiver_utc.control.limits import ControlLimits
@@ -258,3 +259,40 @@ def test_a_diverging_prediction_keeps_the_previous_control(bad):
     np.testing.assert_array_equal(step.control, paper.U_INITIAL)
     assert np.isfinite(controller.covariance).all()
     np.testing.assert_allclose(controller.covariance, paper.repair(covariance, 1e-9), atol=1e-12)
+
+
+def test_further_outputs_equal_the_paper_with_three_outputs():
+    """Yaw rate, roll rate and fall rate tracked together, twelve steps against the paper's text with l = 3."""
+    scenario = load_scenario("fast_turn_paper_hands")
+    parameters = scenario.controller
+    plant, controller = build_plant(scenario), build_controller(scenario)
+    reference = build_reference(scenario).preview(0, 600)
+    settings = paper.Settings(
+        dt=scenario.dt_s,
+        N=parameters.horizon_steps,
+        P_err=np.diag([parameters.P_err, parameters.P_err_roll_rate, parameters.P_err_fall_rate]),
+        floor=parameters.covariance_floor,
+        dynamics="incremental",
+        saved="after_first_step",
+        recursion="applied",
+    )
+
+    def outputs(x):
+        downwards = -(Rotation.from_quat(x[3:7]).apply(x[7:10]))[2]
+        return np.array([x[12], x[10], downwards])
+
+    s14 = paper.s14_sequence(reference, round(1.0 / scenario.dt_s), 20, times_reference_sign=True)
+    x, U, Pu = plant.initial_state(), plant.initial_control(), None
+    for k in range(12):
+        window = reference[k : k + controller.preview_steps + 1]
+        decision = controller.decide(x, window)
+        s12, s13 = paper.coupling_signs("eq_q1", reference[k], reference[k + 1])
+        Pu = paper.initial_covariance(s12, s13, -1.0) if Pu is None else Pu
+        wanted = np.array([window[settings.N], 0.0, scenario.initial.fall_speed_m_s])
+        expected = paper.utc_step(
+            U, Pu, x, window, paper.process_noise(s12, s13, s14[k]), lambda s, u, dt: held_step(plant, s, u),
+            outputs, lambda s: float(s[12]), settings, y_ref=wanted,
+        )  # fmt: skip
+        np.testing.assert_allclose(decision.control, expected.U, rtol=1e-6, atol=1e-8)
+        U, Pu = expected.U, expected.Pu
+        x = held_step(plant, x, U)

@@ -26,6 +26,24 @@ class UtcParameters(Parameters, frozen=True, tag_field="kind", tag="utc"):
     horizon_steps: Annotated[int, quantity("steps", "prediction horizon N = t_pred / dt", ge=1, le=500)] = 20
     W0: Annotated[float, quantity("1", "weight of the central sigma point", gt=-10, lt=1)] = 0.25
     P_err: Annotated[float, quantity("(rad/s)^2", "covariance of the tracking error", gt=0, le=1e3)] = 1e-4
+    P_err_roll_rate: Annotated[
+        float,
+        quantity(
+            "(rad/s)^2",
+            "the same for a roll rate of zero as a further output; 0: not an output",
+            ge=0,
+            le=1e3,
+        ),
+    ] = 0.0
+    P_err_fall_rate: Annotated[
+        float,
+        quantity(
+            "(m/s)^2",
+            "the same for the initial fall rate as a further output; 0: not an output",
+            ge=0,
+            le=1e4,
+        ),
+    ] = 0.0
     variance_Cm_damp_yaw: Variance = 6.25
     variance_k_right: Variance = 0.01
     variance_k_left: Variance = 0.01

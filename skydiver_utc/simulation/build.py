@@ -33,4 +33,6 @@ def build_controller(scenario: Scenario) -> Controller:
     parameters = scenario.controller
     if isinstance(parameters, PoseControllerParameters):
         return PoseController(parameters, limits, plant.initial_control())
-    return SkydiverUtc(parameters, plant.model, limits, plant.initial_control())
+    return SkydiverUtc(
+        parameters, plant.model, limits, plant.initial_control(), scenario.initial.fall_speed_m_s
+    )

@@ -15,11 +15,16 @@ _SAVED = {"drawn": 0, "first_step": 1, "horizon": 2}
 
 
 class SkydiverPrediction:
-    """The predict function of the skydiver's UTC; the output is the yaw rate at the horizon, l = 1."""
+    """The predict function of the skydiver's UTC.
+
+    Outputs at the horizon: the yaw rate, and where the parameters ask for them the roll rate and the fall rate.
+    """
 
     def __init__(self, model: PlantModel, parameters: UtcParameters) -> None:
         self._model = model
         self._steps = parameters.horizon_steps
+        self._with_roll_rate = parameters.P_err_roll_rate > 0.0
+        self._with_fall_rate = parameters.P_err_fall_rate > 0.0
         self._dynamics = _ALPHA_DYNAMICS[parameters.alpha_dynamics]
         self._saved = _SAVED[parameters.saved_control_reading]
         self._gains = (parameters.K_p, parameters.K_FF)
@@ -43,8 +48,18 @@ class SkydiverPrediction:
             self._measured_before = rate
         propagate(
             self._model, state, applied, points, preview, rate_before, self._steps, self._tau,
-            self._dynamics, self._saved, self._gains, outputs, saved, self._work,
+            self._dynamics, self._saved, self._gains, self._with_roll_rate, self._with_fall_rate,
+            outputs, saved, self._work,
         )  # fmt: skip
+
+
+@kernel
+def fall_rate(state: Array) -> float:
+    """Downward speed in the world [m/s]."""
+    qx, qy, qz, qw = state[3], state[4], state[5], state[6]
+    up_x, up_y, up_z = 2 * (qx * qz - qy * qw), 2 * (qy * qz + qx * qw), 1 - 2 * (qx * qx + qy * qy)
+    downwards: float = -(up_x * state[7] + up_y * state[8] + up_z * state[9])
+    return downwards
 
 
 @kernel
@@ -60,6 +75,8 @@ def propagate(
     dynamics: int,
     save: int,
     gains: tuple[float, float],
+    with_roll_rate: bool,
+    with_fall_rate: bool,
     outputs: Array,
     saved: Array,
     work: Array,
@@ -68,7 +85,8 @@ def propagate(
 
     On [t_k+j, t_k+j+1) the dynamics of alpha take the reference at k+j+1 and the yaw rate at k+j, the newest that
     is known when the control is set; `first_rate_before` stands for the yaw rate at k-1 [rad/s].
-    Writes the yaw rates at the horizon to outputs (2m+1, 1) and U^i to saved (2m+1, 4).
+    Writes yaw rate, roll rate [rad/s] and fall rate [m/s] at the horizon to outputs (2m+1, l) and U^i to
+    saved (2m+1, 4).
     """
     K_p, K_FF = gains
     x, wanted, control = (
@@ -104,3 +122,7 @@ def propagate(
         if save == 2:
             saved[i, :] = control
         outputs[i, 0] = x[12]
+        if with_roll_rate:
+            outputs[i, 1] = x[10]
+        if with_fall_rate:
+            outputs[i, outputs.shape[1] - 1] = fall_rate(x)

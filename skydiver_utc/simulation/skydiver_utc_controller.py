@@ -26,18 +26,28 @@ class SkydiverUtc:
     )
 
     def __init__(
-        self, parameters: UtcParameters, model: PlantModel, limits: ControlLimits, initial: Array
+        self,
+        parameters: UtcParameters,
+        model: PlantModel,
+        limits: ControlLimits,
+        initial: Array,
+        initial_fall_rate: float,
     ) -> None:
         self._initial = initial
         self._horizon = parameters.horizon_steps
         self._prediction = SkydiverPrediction(model, parameters)
         self._coupling = CouplingSchedule(parameters, round(parameters.k_hyst_s / model.dt))
+        self._kept = [0.0] * (parameters.P_err_roll_rate > 0.0)
+        self._kept += [initial_fall_rate] * (parameters.P_err_fall_rate > 0.0)
         m = len(CONTROL_NAMES)
         printed = np.full(2 * m + 1, (1.0 - parameters.W0) / (2 * m))
         self._utc = UnscentedTransformController(
             self._prediction,
             limits,
-            P_err=np.array([[parameters.P_err]]),
+            P_err=np.diag(
+                [parameters.P_err]
+                + [p for p in (parameters.P_err_roll_rate, parameters.P_err_fall_rate) if p > 0.0]
+            ),
             W0=parameters.W0,
             covariance_floor=parameters.covariance_floor,
             keep_indefinite=parameters.covariance_reading == "printed",
@@ -59,8 +69,8 @@ class SkydiverUtc:
             self._utc.reset(self._initial, self._coupling.initial_covariance(preview))
             self._started = True
         Qu = self._coupling.process_noise(preview)
-        reference = preview[self._horizon : self._horizon + 1]
+        reference = np.array([preview[self._horizon], *self._kept])
         step = self._utc.step(state, preview, reference, Qu)
         deviations = np.sqrt(np.maximum(np.diag(self._utc.covariance), 0.0))
-        telemetry = np.concatenate([step.predicted, step.innovation, deviations, [step.repaired]])
+        telemetry = np.concatenate([step.predicted[:1], step.innovation[:1], deviations, [step.repaired]])
         return Decision(step.control, telemetry, step.status)
