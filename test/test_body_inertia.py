@@ -1,7 +1,7 @@
 """Whole-body inertia against an independent model: Yeadon's stadium solids, measured on the same subjects.
 
-The package `yeadon` builds each subject from 95 tape measurements; ours is built from mass and height alone. Subjects and
-their licence: test/data/yeadon/.
+The package `yeadon` builds each subject from 95 tape measurements; ours is built from mass and height alone.
+Subjects and their licence: test/data/yeadon/.
 """
 
 import math
