@@ -43,6 +43,7 @@ setup(
             "mcap-ros2-support>=0.5",
             "pytest>=9",
             "pytest-xdist>=3.4",
+            "yeadon>=2.0.1",
         ],
         "dev": ["mypy>=1.11", "ruff>=0.9", "scipy-stubs", "types-PyYAML"],
     },

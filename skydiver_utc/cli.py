@@ -139,6 +139,37 @@ def analyse(run_folder: str, as_json: bool) -> None:
     look(Path(run_folder), as_json)
 
 
+@main.group()
+def pattern() -> None:
+    """Make a neutral posture or a turning pattern again, from the parameters."""
+
+
+_out = click.option("--out", metavar="FILE.yaml", help="Write here instead of on the screen.")
+
+
+@pattern.command(short_help="Trim SCENARIO's posture to a straight fall.")
+@_scenario
+@_settings
+@_out
+def neutral(scenario: str, settings: tuple[str, ...], out: str | None) -> None:
+    """The straight fall nearest to SCENARIO's posture, at its initial pitch, as a posture file."""
+    from skydiver_utc.verbs.pattern import neutral as trim
+
+    trim(scenario, settings, Path(out) if out else None)
+
+
+@pattern.command(short_help="Design a turning pattern for SCENARIO's posture.")
+@_scenario
+@_settings
+@click.option("--seed", default=1, show_default=True, help="Seed of the random starts.")
+@_out
+def design(scenario: str, settings: tuple[str, ...], seed: int, out: str | None) -> None:
+    """The pattern with the most yaw for the least roll, pitch and slide, as a pattern file."""
+    from skydiver_utc.verbs.pattern import design as make
+
+    make(scenario, settings, seed, Path(out) if out else None)
+
+
 @main.command()
 @_json
 def scenarios(as_json: bool) -> None:

@@ -67,6 +67,7 @@ def scenario_of(duration_s: float = 4.0, dt_s: float = 0.05, **reference: Any) -
             "height_m": 1.7,
             "segments": segments,
             "suit": table | {"drag_areas_m2": {}},
+            "joint_limits": {"name": "t", "source": "t", "ranges_deg": {}},
         },
         "posture": {"name": "t", "description": "t", "source": "t", "joint_angles_deg": {}},
         "pattern": {"name": "t", "description": "t", "source": "t", "components": {"hip": [1.0, 0.0, 0.0]}},

@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.body.segments import JOINTS, SEGMENTS, Body
-from skydiver_utc.parameters import MovementPattern, ParameterError, Posture
+from skydiver_utc.parameters import JointLimits, MovementPattern, ParameterError, Posture
 
 Array = NDArray[np.float64]
 ANGLES = ("flexion", "abduction", "rotation")
+# Angles are written to YAML in degrees with six decimals: one at its limit may pass it by half the last.
+_ROUNDING_RAD = 1e-7
 
 
 def _rotation_signs() -> Array:
@@ -60,6 +62,51 @@ def posture_angles(posture: Posture) -> Array:
 def pattern_direction(pattern: MovementPattern) -> Array:
     """Unit direction (15, 3) of a movement pattern, in the order of `JOINTS`."""
     return _joint_rows(pattern.components, f"pattern {pattern.name}")
+
+
+def joint_rows(values: Array) -> dict[str, tuple[float, float, float]]:
+    """Values (15, 3) by joint, without joints that are at zero: the content of a posture or pattern file."""
+    rows = {joint: tuple(map(float, row + 0.0)) for joint, row in zip(JOINTS, values, strict=True)}
+    return {joint: (row[0], row[1], row[2]) for joint, row in rows.items() if any(row)}
+
+
+def joint_ranges(limits: JointLimits) -> tuple[Array, Array]:
+    """Smallest and largest joint angles, (15, 3) each, in rad, in the order of `JOINTS`."""
+    kinds = [joint.removeprefix("left_").removeprefix("right_") for joint in JOINTS]
+    wrong = set(kinds) ^ set(limits.ranges_deg)
+    if wrong:
+        known = ", ".join(dict.fromkeys(kinds))
+        raise ParameterError(f"joint limits {limits.name} must name exactly {known}: look at {sorted(wrong)}")
+    ranges = [[getattr(limits.ranges_deg[kind], angle) for angle in ANGLES] for kind in kinds]
+    lower, upper = np.deg2rad(np.array(ranges, dtype=float)).transpose(2, 0, 1)
+    return lower, upper
+
+
+def check_joint_ranges(
+    limits: JointLimits, posture: Posture, pattern: MovementPattern, alphas: tuple[float, float]
+) -> None:
+    """Refuse a posture that a body cannot take, alone or with the pattern at the smallest or largest alpha [rad].
+
+    Raises `ParameterError`; in between the angles are between those at the ends.
+    """
+    neutral, direction = posture_angles(posture), pattern_direction(pattern)
+    _refuse_beyond(limits, neutral, f"posture {posture.name}")
+    for alpha in alphas:
+        what = f"posture {posture.name} with pattern {pattern.name} at alpha = {alpha:g}"
+        _refuse_beyond(limits, neutral + alpha * direction, what)
+
+
+def _refuse_beyond(limits: JointLimits, angles: Array, what: str) -> None:
+    lower, upper = joint_ranges(limits)
+    beyond = np.maximum(lower - angles, angles - upper)
+    row, column = divmod(int(beyond.argmax()), len(ANGLES))
+    if beyond[row, column] > _ROUNDING_RAD:
+        angle, low, high = (float(np.rad2deg(values[row, column])) for values in (angles, lower, upper))
+        side, limit = ("below", low) if angle < low else ("above", high)
+        raise ParameterError(
+            f"{what} is beyond the joint limits {limits.name}: {JOINTS[row]} {ANGLES[column]} of {angle:.1f} deg"
+            f" is {side} {limit:.1f} deg; choose another posture, a weaker pattern or a narrower range of alpha"
+        )
 
 
 def joint_angle_names() -> tuple[str, ...]:

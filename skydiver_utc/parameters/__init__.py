@@ -5,6 +5,8 @@ checks types, bounds and unknown keys, and returns immutable objects.
 """
 
 from skydiver_utc.parameters.body import (
+    JointLimits,
+    JointRange,
     MovementPattern,
     Posture,
     SegmentData,
@@ -34,6 +36,8 @@ __all__ = [
     "Damping",
     "Hands",
     "InitialCondition",
+    "JointLimits",
+    "JointRange",
     "Leaf",
     "Limbs",
     "Limits",

@@ -1,4 +1,4 @@
-"""Parameters of the body that falls: segments, subject, suit, posture, movement pattern."""
+"""Parameters of the body that falls: segments, suit, ranges of motion, subject, posture, movement pattern."""
 
 from typing import Annotated
 
@@ -48,6 +48,30 @@ class Suit(Parameters, frozen=True):
     drag_areas_m2: dict[str, tuple[Area, Area, Area]]
 
 
+class JointRange(Parameters, frozen=True):
+    """Smallest and largest angle of one joint in degrees, about each of its three axes."""
+
+    flexion: tuple[AngleDeg, AngleDeg]
+    abduction: tuple[AngleDeg, AngleDeg]
+    rotation: tuple[AngleDeg, AngleDeg]
+
+    def __post_init__(self) -> None:
+        for name in ("flexion", "abduction", "rotation"):
+            lower, upper = getattr(self, name)
+            if lower > upper:
+                raise ValueError(
+                    f"range of {name} is upside down: write the smaller of {lower}, {upper} first"
+                )
+
+
+class JointLimits(Parameters, frozen=True):
+    """Ranges of motion by kind of joint (shoulder, not left_shoulder): one entry serves both sides."""
+
+    name: str
+    source: str
+    ranges_deg: dict[str, JointRange]
+
+
 class Subject(Parameters, frozen=True):
     """Who falls."""
 
@@ -56,6 +80,7 @@ class Subject(Parameters, frozen=True):
     height_m: Annotated[float, quantity("m", "body height", ge=1.2, le=2.3)]
     segments: SegmentTable
     suit: Suit
+    joint_limits: JointLimits
 
 
 class Posture(Parameters, frozen=True):

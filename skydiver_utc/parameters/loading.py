@@ -18,6 +18,7 @@ _NAMED = {
     "subject": "subjects",
     "segments": "segments",
     "suit": "suits",
+    "joint_limits": "joint_limits",
     "posture": "postures",
     "pattern": "patterns",
 }
@@ -53,7 +54,8 @@ def load_scenario(name_or_path: str, overrides: Mapping[str, object] | None = No
     resolved = _resolve_names(raw)
     for name, value in (overrides or {}).items():
         _override(resolved, name, value)
-    resolved = _resolve_names(resolved)
+        # Now, so that the next one can reach into what this one named.
+        resolved = _resolve_names(resolved)
     return _convert(resolved, origin=name_or_path)
 
 

@@ -3,7 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.body.posture import joint_angle_names, pattern_direction, posture_angles
+from skydiver_utc.body.posture import (
+    check_joint_ranges,
+    joint_angle_names,
+    pattern_direction,
+    posture_angles,
+)
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plant.dynamics import (
     STATE_SIZE,
@@ -24,6 +29,9 @@ class SkydiverPlant:
     """Steps a state (13,) under a control (4,); keeps no state of its own."""
 
     def __init__(self, scenario: Scenario, model: PlantModel | None = None) -> None:
+        check_joint_ranges(
+            scenario.subject.joint_limits, scenario.posture, scenario.pattern, scenario.plant.limits.alpha
+        )
         self.model = build_model(scenario) if model is None else model
         self.joint_names = joint_angle_names()
         self._initial = scenario.initial

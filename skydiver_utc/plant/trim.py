@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.body.posture import configuration, motion, posture_angles
+from skydiver_utc.body.posture import configuration, joint_ranges, motion, posture_angles
 from skydiver_utc.body.segments import JOINTS, Body, build_body
 from skydiver_utc.parameters import ParameterError, Posture, Scenario
 from skydiver_utc.plant.dynamics import invert_inertia, state_derivative
@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 # The joint angles that a straight fall may change, both sides alike: joint and column.
 FREE_ANGLES = (("hip", 0), ("knee", 0), ("shoulder", 0), ("shoulder", 1), ("shoulder", 2), ("elbow", 0))
+# Acceleration that a straight fall may have left, in m/s2 and rad/s2.
+_LARGEST_RESIDUAL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,21 +55,23 @@ class FallingBody:
 def straight_fall(scenario: Scenario, posture: Posture, pitch_deg: float) -> Trim:
     """The posture nearest to the given one, over `FREE_ANGLES`, that falls straight at a pitch.
 
-    Least squares in the joint angles under three equations: no acceleration along x and z, none about y.
+    Least squares in the joint angles, within the joint limits, under three equations: no acceleration along
+    x and z, none about y.
     """
     from scipy.optimize import NonlinearConstraint, minimize
 
     body, pitch = build_body(scenario.subject), float(np.deg2rad(pitch_deg))
     falling = FallingBody(body, build_model(scenario), pitch)
     typical = posture_angles(posture)
-    start: Array = np.array([typical[JOINTS.index(f"left_{joint}"), column] for joint, column in FREE_ANGLES])
+    free = [(JOINTS.index(f"left_{joint}"), column) for joint, column in FREE_ANGLES]
+    start: Array = np.array([typical[place] for place in free])
+    lower, upper = joint_ranges(scenario.subject.joint_limits)
     speed_unit = 50.0
 
-    def placed(free: Array) -> Array:
+    def placed(values: Array) -> Array:
         angles = typical.copy()
-        for (joint, column), value in zip(FREE_ANGLES, free, strict=True):
-            for side in ("left", "right"):
-                angles[JOINTS.index(f"{side}_{joint}"), column] = value
+        for (row, column), value in zip(free, values, strict=True):
+            angles[[row, row + 1], column] = value
         return angles
 
     def balance(x: Array) -> Array:
@@ -77,16 +81,18 @@ def straight_fall(scenario: Scenario, posture: Posture, pitch_deg: float) -> Tri
         return float(((x[:-1] - start) ** 2).sum())
 
     first_guess: Array = np.concatenate([start, [1.1]])
+    bounds = [(lower[place], upper[place]) for place in free]
     found = minimize(
         distance,
         first_guess,
+        bounds=[*bounds, (0.2, 3.0)],
         constraints=NonlinearConstraint(balance, 0.0, 0.0),
         method="SLSQP",
         options={"maxiter": 500, "ftol": 1e-14},
     )
     angles, speed = placed(found.x[:-1]), float(found.x[-1] * speed_unit)
     residual = falling.acceleration(angles, speed)
-    if not np.abs(residual).max() < 1e-6:
+    if not np.abs(residual).max() < _LARGEST_RESIDUAL:
         raise ParameterError(
             f"posture {posture.name} has no straight fall at a pitch of {pitch_deg} deg:"
             f" {np.abs(residual).max():.2g} of acceleration is left; choose another posture or pitch"

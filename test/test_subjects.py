@@ -1,0 +1,126 @@
+"""Subjects and suits: each falls straight in its neutral posture, and the commands of the files make them again."""
+
+import math
+
+import aerodynamics as oracle
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.optimize import brentq
+
+from skydiver_utc.body.posture import configuration, pattern_direction, posture_angles
+from skydiver_utc.body.segments import build_body
+from skydiver_utc.cli import main
+from skydiver_utc.parameters import load_scenario
+from skydiver_utc.parameters.loading import config_folder
+from skydiver_utc.parameters.yaml_io import parse_yaml, read_yaml
+from skydiver_utc.plant.trim import straight_fall
+
+# Posture by segment table and suit: a body scaled as a whole balances in the same posture.
+SUBJECTS = {
+    ("average", "formation"): "neutral",
+    ("average", "standard"): "neutral_standard",
+    ("heavy", "formation"): "neutral",
+    ("heavy", "standard"): "neutral_standard",
+    ("light", "formation"): "neutral_female",
+    ("light", "standard"): "neutral_female_standard",
+}
+
+
+def scenario_of(subject, suit, posture):
+    return load_scenario("bank_recovery", {"subject": subject, "subject.suit": suit, "posture": posture})
+
+
+def by_the_oracle(scenario, angles):
+    """Accelerations (6,) in body axes as a function of the speed [m/s], by the oracle's equations of motion."""
+    body = build_body(scenario.subject)
+    placed = configuration(body, angles)
+    posture = oracle.Posture(placed.centre, placed.rotation, body.drag_area, body.total_mass, placed.inertia)
+    constants = oracle.Constants(rho=scenario.air.density_kg_m3)
+    pitch = math.radians(scenario.initial.pitch_deg)
+
+    def accelerations(speed):
+        state = np.zeros(13)
+        state[4], state[6] = math.sin(pitch / 2), math.cos(pitch / 2)
+        state[7], state[9] = speed * math.sin(pitch), -speed * math.cos(pitch)
+        return oracle.state_derivative(state, np.zeros(4), posture, constants)[7:]
+
+    return accelerations
+
+
+def terminal_speed(accelerations):
+    """Where drag along the dorsal axis carries the weight [m/s]."""
+    return brentq(lambda speed: accelerations(speed)[2], 30, 90, xtol=1e-12)
+
+
+@pytest.mark.parametrize(("subject", "suit"), SUBJECTS)
+def test_every_subject_falls_straight_in_its_neutral_posture(subject, suit):
+    """No acceleration above 1e-6 m/s2 or rad/s2 at the one speed where drag carries the weight."""
+    scenario = scenario_of(subject, suit, SUBJECTS[subject, suit])
+    accelerations = by_the_oracle(scenario, posture_angles(scenario.posture))
+    speed = terminal_speed(accelerations)
+    assert np.abs(accelerations(speed)).max() < 1e-6
+    assert 50 < speed < 65
+
+
+@pytest.mark.parametrize(("subject", "suit"), SUBJECTS)
+def test_every_subject_is_trimmed_from_the_box(subject, suit):
+    """`straight_fall` ends in the committed posture, with a residual below 1e-6."""
+    scenario = scenario_of(subject, suit, "box")
+    trim = straight_fall(scenario, scenario.posture, scenario.initial.pitch_deg)
+    assert np.abs(trim.residual).max() < 1e-6
+    committed = posture_angles(scenario_of(subject, suit, SUBJECTS[subject, suit]).posture)
+    np.testing.assert_allclose(trim.angles, committed, atol=1e-5)
+
+
+def test_the_wider_suit_falls_slower_and_turns_faster():
+    speed, turn = {}, {}
+    for (subject, suit), posture in SUBJECTS.items():
+        scenario = scenario_of(subject, suit, posture)
+        angles = posture_angles(scenario.posture)
+        speed[subject, suit] = terminal_speed(by_the_oracle(scenario, angles))
+        full = angles + scenario.plant.limits.alpha[1] * pattern_direction(scenario.pattern)
+        turn[subject, suit] = by_the_oracle(scenario, full)(speed[subject, suit])[5]
+    for subject in ("light", "average", "heavy"):
+        assert speed[subject, "formation"] < speed[subject, "standard"] - 1
+        assert turn[subject, "formation"] > turn[subject, "standard"] + 1
+    for suit in ("formation", "standard"):
+        assert speed["light", suit] < speed["average", suit] < speed["heavy", suit]
+
+
+def test_a_suit_can_be_changed_after_the_subject():
+    scenario = load_scenario("bank_recovery", {"subject": "heavy", "subject.suit": "standard"})
+    assert (scenario.subject.name, scenario.subject.suit.name) == ("heavy", "standard")
+
+
+def printed(*arguments):
+    result = CliRunner().invoke(main, ["pattern", *arguments])
+    assert result.exit_code == 0, result.output
+    return parse_yaml(result.stdout, "stdout")
+
+
+def test_the_neutral_posture_is_made_again_by_its_command(tmp_path):
+    """All but the name, which is that of the file."""
+    path = tmp_path / "neutral.yaml"
+    arguments = ["pattern", "neutral", "bank_recovery", "--set", "posture=box", "--out", str(path)]
+    assert CliRunner().invoke(main, arguments).exit_code == 0
+    made, committed = read_yaml(path), read_yaml(config_folder() / "postures" / "neutral.yaml")
+    for joint, degrees in committed.pop("joint_angles_deg").items():
+        np.testing.assert_allclose(made["joint_angles_deg"][joint], degrees, atol=1e-4)
+    made.pop("joint_angles_deg")
+    assert made == committed
+
+
+def test_the_turning_pattern_is_made_again_by_its_command():
+    made = printed("design", "bank_recovery", "--seed", "1")
+    committed = read_yaml(config_folder() / "patterns" / "turn.yaml")
+    for joint, row in committed["components"].items():
+        np.testing.assert_allclose(made["components"][joint], row, atol=2e-3)
+    assert made["source"] == committed["source"]
+
+
+def test_a_file_that_cannot_be_written_is_refused(tmp_path):
+    arguments = ["pattern", "neutral", "bank_recovery", "--out", str(tmp_path / "posture.txt")]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 2
+    assert ".yaml" in result.stderr
