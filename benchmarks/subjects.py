@@ -1,7 +1,8 @@
 """What each subject can do, with each suit: ``python benchmarks/subjects.py`` prints the table of docs/model.md.
 
 The fast turn is that of fast_turn_unknown_dynamics (0.2 Hz, 20 s) with other amplitudes. An amplitude is reached
-when it and every smaller one is tracked: the error within 5 % of the amplitude for good from 2 s on, in steps of 10 deg/s.
+when it and every smaller one is tracked: the error within 5 % of the amplitude for good from 2 s on, in steps
+of 10 deg/s.
 """
 
 from itertools import count

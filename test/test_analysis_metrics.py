@@ -57,6 +57,7 @@ def scenario_of(duration_s: float = 4.0, dt_s: float = 0.05, **reference: Any) -
             },
             "hands": {"K_N": 10.0, "lx_m": 0.35},
             "limits": limits | {"alpha_rate": 2.0},
+            "limbs": {"reaction": False, "alpha_acceleration": 100.0},
         },
         "initial": {"altitude_m": 4000, "fall_speed_m_s": 60.0, "Cm_damp_yaw": 1.0},
         "reference": reference or {"kind": "constant", "yaw_rate_deg_s": 100.0},

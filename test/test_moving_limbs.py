@@ -11,8 +11,8 @@ from skydiver_utc.plant.skydiver import SkydiverPlant
 from skydiver_utc.simulation.closed_loop import simulate
 
 ARMS = {
-    "left_shoulder": [0.6, 0.3, 0.2],
-    "right_shoulder": [-0.6, -0.3, 0.1],
+    "left_shoulder": [0.6, 0.3, 0.0],
+    "right_shoulder": [-0.6, -0.3, 0.0],
     "left_elbow": [0.2, 0.0, 0.0],
 }
 

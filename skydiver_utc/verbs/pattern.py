@@ -50,8 +50,8 @@ def design(scenario_name: str, settings: Sequence[str], seed: int, out: Path | N
         source=(
             f"Designed by skydiver-utc pattern design for posture {scenario.posture.name}, subject"
             f" {scenario.subject.name}, suit {scenario.subject.suit.name}, seed {seed}: most yaw acceleration at"
-            " pattern angles 0.5, 1 and 1.5 rad with roll, pitch, horizontal acceleration and swing of the limbs penalised,"
-            f" within the joint limits {scenario.subject.joint_limits.name}"
+            " pattern angles 0.5, 1 and 1.5 rad with roll, pitch, horizontal acceleration and swing of the limbs"
+            f" penalised, within the joint limits {scenario.subject.joint_limits.name}"
         ),
         components=joint_rows(direction.round(_DECIMALS)),
     )
