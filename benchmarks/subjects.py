@@ -1,8 +1,8 @@
 """What each subject can do, with each suit: ``python benchmarks/subjects.py`` prints the table of docs/model.md.
 
 The fast turn is that of fast_turn_unknown_dynamics (0.2 Hz, 20 s) with other amplitudes. An amplitude is reached
-when it and every smaller one is tracked: the error within 5 % of the amplitude for good from 2 s on, in steps
-of 10 deg/s.
+when it and every smaller one is tracked: the error within 5 % of the amplitude for good from 2 s on, in steps of
+10 deg/s. The damping's reference area and length are scaled with the subject's areas and height.
 """
 
 from itertools import count
@@ -11,7 +11,7 @@ import click
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.body.posture import pattern_direction
-from skydiver_utc.body.segments import build_body
+from skydiver_utc.body.segments import area_scale, build_body
 from skydiver_utc.parameters import Scenario, load_scenario
 from skydiver_utc.plant.model import build_model
 from skydiver_utc.plant.trim import FallingBody, straight_fall
@@ -54,7 +54,15 @@ def row(subject: str, suit: str, posture: str) -> str:
     trim = straight_fall(scenario, scenario.posture, scenario.initial.pitch_deg)
     falling = FallingBody(build_body(person), build_model(scenario), trim.pitch)
     yaw = falling.acceleration(trim.angles + alpha * pattern_direction(scenario.pattern), trim.speed)[5]
-    amplitude = reached(overrides | {"initial.fall_speed_m_s": trim.speed})
+    damping, taller = scenario.plant.damping, person.height_m / person.suit.reference_height_m
+    amplitude = reached(
+        overrides
+        | {
+            "initial.fall_speed_m_s": trim.speed,
+            "plant.damping.reference_area_m2": damping.reference_area_m2 * area_scale(person),
+            "plant.damping.reference_length_m": damping.reference_length_m * taller,
+        }
+    )
     return (
         f"| `{subject}` | `{suit}` | `{posture}` | {person.mass_kg:g} | {person.height_m:.2f}"
         f" | {trim.speed:.1f} | {yaw:.1f} | {amplitude} |"

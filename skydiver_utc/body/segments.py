@@ -137,14 +137,17 @@ def _segment_rows(
     long, ml, ap = (
         mass * (length * g) ** 2 for g in (data.gyration_long, data.gyration_ml, data.gyration_ap)
     )
-    front, side, axial = (a * _area_scale(subject) for a in subject.suit.drag_areas_m2[segment.kind])
+    front, side, axial = (a * area_scale(subject) for a in subject.suit.drag_areas_m2[segment.kind])
     if distal is _VENTRAL:
         return centre, mass, np.array([ap, ml, long]), np.array([front, side, axial])
     return centre, mass, np.array([long, ml, ap]), np.array([axial, side, front])
 
 
-def _area_scale(subject: Subject) -> float:
-    """Areas grow with length times breadth, breadth with the root of mass per length."""
+def area_scale(subject: Subject) -> float:
+    """A subject's areas over those of the suit's reference subject.
+
+    Areas grow with length times breadth, breadth with the root of mass per length.
+    """
     suit = subject.suit
     length = subject.height_m / suit.reference_height_m
     return length * math.sqrt(subject.mass_kg / suit.reference_mass_kg / length)
