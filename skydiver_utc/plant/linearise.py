@@ -65,4 +65,7 @@ def _turned_back(vector: Array, turn: Array) -> Array:
         return vector
     axis = turn / angle
     across = np.cross(axis, vector)
-    return np.cos(angle) * vector - np.sin(angle) * across + (1 - np.cos(angle)) * (axis @ vector) * axis
+    turned: Array = np.cos(angle) * vector
+    turned -= np.sin(angle) * across
+    turned += (1.0 - np.cos(angle)) * (axis @ vector) * axis
+    return turned
