@@ -53,7 +53,7 @@ def load_scenario(name_or_path: str, overrides: Mapping[str, object] | None = No
     resolved = _resolve_names(raw)
     for name, value in (overrides or {}).items():
         _override(resolved, name, value)
-    resolved = _resolve_names(resolved)
+        resolved = _resolve_names(resolved)
     return _convert(resolved, origin=name_or_path)
 
 

@@ -170,7 +170,7 @@ def _table_of_fall(values: dict[str, Any]) -> Table:
 def _table_of_modes(values: dict[str, Any]) -> Table:
     table = _table(f"Modes at Cm_damp_yaw = {values['Cm_damp_yaw']:g}", True)
     table.add_column("mode", no_wrap=True)
-    for unit in ("eigenvalue 1/s", "time constant s", "frequency Hz", "damping ratio"):
+    for unit in ("eigenvalue\n1/s", "time\nconst. s", "frequency\nHz", "damping\nratio"):
         table.add_column(unit, justify="right")
     table.add_column("")
     for mode in values["modes"]:
@@ -196,7 +196,7 @@ def _table_of_turning(values: dict[str, Any]) -> Table:
     )
     table.add_column("Cm_damp_yaw", justify="right")
     for alpha in turning["alpha_rad"]:
-        table.add_column(f"alpha {alpha:g} rad", justify="right")
+        table.add_column(f"alpha\n{alpha:g} rad", justify="right")
     for row in turning["steady"]:
         rates = ("none" if rate is None else f"{rate:.1f}" for rate in row["yaw_rate_deg_s"])
         table.add_row(f"{row['Cm_damp_yaw']:g}", *rates)
