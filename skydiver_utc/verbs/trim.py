@@ -171,7 +171,7 @@ def _table_of_modes(values: dict[str, Any]) -> Table:
     table = _table(f"Modes at Cm_damp_yaw = {values['Cm_damp_yaw']:g}", True)
     table.add_column("mode", no_wrap=True)
     for unit in ("eigenvalue\n1/s", "time\nconst. s", "frequency\nHz", "damping\nratio"):
-        table.add_column(unit, justify="right")
+        table.add_column(unit, justify="right", no_wrap=True)
     table.add_column("")
     for mode in values["modes"]:
         real, imaginary = mode["eigenvalue_1_s"]
@@ -204,4 +204,4 @@ def _table_of_turning(values: dict[str, Any]) -> Table:
 
 
 def _numbers(values: Sequence[float], digits: int) -> str:
-    return "  ".join(f"{value + 0.0:.{digits}f}" for value in values)
+    return "  ".join(f"{round(value, digits) + 0.0:.{digits}f}" for value in values)
