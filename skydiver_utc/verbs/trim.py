@@ -172,13 +172,13 @@ def _table_of_modes(values: dict[str, Any]) -> Table:
     table.add_column("mode", no_wrap=True)
     for unit in ("eigenvalue\n1/s", "time\nconst. s", "frequency\nHz", "damping\nratio"):
         table.add_column(unit, justify="right", no_wrap=True)
-    table.add_column("")
+    table.add_column("", no_wrap=True)
     for mode in values["modes"]:
         real, imaginary = mode["eigenvalue_1_s"]
         style = "green" if mode["stable"] else "red"
         table.add_row(
             mode["name"],
-            f"{real:.3g}" + (f" ± {imaginary:.3g}i" if imaginary else ""),
+            f"{real:.3g}" + (f" ± {imaginary:.2g}i" if imaginary else ""),
             *(
                 "" if mode[key] is None else f"{mode[key]:.3g}"
                 for key in ("time_constant_s", "frequency_hz", "damping_ratio")
@@ -191,7 +191,7 @@ def _table_of_modes(values: dict[str, Any]) -> Table:
 def _table_of_turning(values: dict[str, Any]) -> Table:
     turning = values["turning"]
     table = _table(
-        f"Steady yaw rate in deg/s; full pattern starts with {turning['yaw_acceleration_rad_s2']:.2f} rad/s2",
+        f"Steady yaw rate, deg/s; at once {turning['yaw_acceleration_rad_s2']:.2f} rad/s2",
         True,
     )
     table.add_column("Cm_damp_yaw", justify="right")
