@@ -41,6 +41,7 @@ setup(
             "click>=8.2",
             "hypothesis>=6.98",
             "mcap-ros2-support>=0.5",
+            "pin>=3.0",
             "pytest>=9",
             "pytest-xdist>=3.4",
             "yeadon>=2.0.1",

@@ -170,6 +170,28 @@ def design(scenario: str, settings: tuple[str, ...], seed: int, out: str | None)
     make(scenario, settings, seed, Path(out) if out else None)
 
 
+@main.command(short_help="Find the straight fall of POSTURE, its modes and its turning.")
+@click.argument("posture", metavar="[POSTURE]", required=False)
+@click.option("--subject", metavar="NAME", help="Who falls, instead of the scenario's subject.")
+@click.option(
+    "--scenario", default="bank_recovery", show_default=True, help="Where air, limits and pattern come from."
+)
+@_settings
+@_json
+def trim(
+    posture: str | None, subject: str | None, scenario: str, settings: tuple[str, ...], as_json: bool
+) -> None:
+    """Find the straight fall of POSTURE, linearise it, and tell how it turns.
+
+    POSTURE is a name below config/postures. The scenario's own posture, which is also taken without POSTURE, is
+    first moved, by as little as it takes, to fall straight down at the scenario's initial pitch; any other posture
+    is held as it is and may glide.
+    """
+    from skydiver_utc.verbs.trim import trim as tell
+
+    tell(posture, subject, scenario, settings, as_json)
+
+
 @main.command()
 @_json
 def scenarios(as_json: bool) -> None:

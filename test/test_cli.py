@@ -45,7 +45,7 @@ def with_setting(setting: str) -> str:
     return refused("simulate", SCENARIO, "--set", setting)
 
 
-@pytest.mark.parametrize("verb", [[], ["run"], ["simulate"], ["analyse"], ["scenarios"]])
+@pytest.mark.parametrize("verb", [[], ["run"], ["simulate"], ["analyse"], ["scenarios"], ["trim"]])
 def test_every_verb_has_help(verb: list[str]) -> None:
     result = call(*verb, "--help")
     assert result.exit_code == 0
@@ -152,6 +152,19 @@ class TestBadInput:
         assert "is not an MCAP file" in refused("analyse", str(tmp_path))
         assert "give the run folder" in refused("analyse", str(tmp_path / "run_0.mcap"))
 
+    def test_unknown_posture(self) -> None:
+        assert "there is no posture 'boxx': choose one of back_to_earth" in refused("trim", "boxx")
+
+    def test_unknown_subject(self) -> None:
+        assert "there is no subject 'nobody'" in refused("trim", "--subject", "nobody")
+
+    def test_trim_in_an_unknown_scenario(self) -> None:
+        assert "there is no scenario 'nowhere'" in refused("trim", "--scenario", "nowhere")
+
+    def test_posture_without_a_straight_fall(self) -> None:
+        crooked = "posture.joint_angles_deg.left_shoulder=[0, 10, 0]"
+        assert "has no steady straight fall" in refused("trim", "head_down", "--set", crooked)
+
     def test_bag_of_a_flight_with_holes(self, tmp_path: Path) -> None:
         folder = write_bag(tmp_path / "run", flight_with_everything(), without("state", 17))
         assert "lacks 1 of 81 steps" in refused("analyse", str(folder))
@@ -235,6 +248,30 @@ def test_ctrl_c_ends_a_simulation_without_a_traceback(monkeypatch: pytest.Monkey
     monkeypatch.setattr("skydiver_utc.verbs.simulate.fly", interrupted)
     result = call("simulate", SCENARIO)
     assert (result.exit_code, result.stderr) == (130, "stopped\n")
+
+
+def test_trim_prints_one_json_object() -> None:
+    result = call("trim", "--json")
+    assert (result.exit_code, result.stderr) == (0, "")
+    values = json.loads(result.stdout)
+    assert (values["posture"], values["facing"]) == ("neutral", "belly to earth")
+    assert max(values["residual_m_s2"], values["residual_rad_s2"]) < 1e-6
+    assert values["glide_angle_deg"] == pytest.approx(0.0, abs=1e-3)
+    assert values["pitch_deg"] == pytest.approx(8.0, abs=1e-3)
+    assert sum(2 if mode["frequency_hz"] else 1 for mode in values["modes"]) == 8
+    assert len(values["turning"]["steady"]) == 4
+
+
+def test_trim_prints_tables() -> None:
+    result = call("trim", "track")
+    assert result.exit_code == 0
+    for part in ("glide angle", "slide oscillation", "stable", "Steady yaw rate", "also falls back to earth"):
+        assert part in result.stdout
+
+
+def test_trim_falls_straight_whoever_falls() -> None:
+    values = json.loads(call("trim", "--set", "subject.mass_kg=65", "--json").stdout)
+    assert (values["mass_kg"], values["glide_angle_deg"]) == (pytest.approx(65), pytest.approx(0.0, abs=1e-3))
 
 
 def test_analyse_makes_metrics_and_figure_from_the_bag_alone(tmp_path: Path) -> None:

@@ -112,11 +112,12 @@ def test_moving_limbs_lag_behind_the_command():
     ids=lambda r: "-".join(next(iter(r.items()))),
 )
 def test_every_printed_reading_flies(reading):
-    """Each can be chosen and gives finite states; how well it tracks stands in docs/findings.md."""
+    """Each can be chosen and changes the flight; how well it tracks stands in docs/findings.md."""
     flight = simulate(
         load_scenario(FAST, {"duration_s": 2.0} | {f"controller.{k}": v for k, v in reading.items()})
     )
     assert np.isfinite(flight.states).all()
+    assert not np.array_equal(flight.commands, flown(FAST, duration_s=2.0).commands)
 
 
 @pytest.mark.parametrize("name", scenario_names())
@@ -128,7 +129,7 @@ def test_every_scenario_loads_and_starts(name):
 
 def test_a_flight_that_leaves_the_model_ends_as_diverged():
     flight = flown("bank_recovery", initial__fall_speed_m_s=149.0, initial__yaw_rate_deg_s=1000.0, dt_s=0.05)
-    assert flight.outcome in (Outcome.DIVERGED, Outcome.ROLLED_OVER)
+    assert flight.outcome is Outcome.DIVERGED
     assert flight.reason
 
 

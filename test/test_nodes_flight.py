@@ -97,7 +97,7 @@ def test_a_flight_on_one_executor_equals_the_simulation(ros: Ros, tmp_path: Path
 
 
 def test_a_flight_that_ends_early_equals_the_simulation(ros: Ros, tmp_path: Path) -> None:
-    """A plant whose roll damping is too small for its hands leaves the model."""
+    """A flight that is stopped is recorded up to its last state, and is the simulated one up to there."""
     given = overrides(0.3, wait_for_recorder=True)
     folder = tmp_path / "bag"
     plant = ros.add(PlantNode(ros.context, given))

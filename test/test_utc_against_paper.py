@@ -4,6 +4,7 @@ import msgspec
 import numpy as np
 import paper_utc as paper
 import pytest
+from scipy.linalg import sqrtm
 from scipy.spatial.transform import Rotation
 
 from skydiver_utc.control.coupling import CouplingSchedule
@@ -76,6 +77,16 @@ def test_symmetric_root_of_a_covariance(seed):
     assert lifted == pytest.approx(np.maximum(1e-9 - values, 0.0).sum(), rel=1e-6, abs=1e-12)
 
 
+def test_the_printed_covariance_keeps_only_the_real_part_of_its_root():
+    """Against SciPy's complex root of the indefinite Pu, which itself is left as it is."""
+    Pu = paper.initial_covariance(1.0, -1.0, -1.0)
+    given, root = Pu.copy(), np.empty((4, 4))
+    lifted = symmetric_root(given, 1e-9, True, root, np.empty(4), np.empty((4, 4)))
+    np.testing.assert_allclose(root, sqrtm(Pu).real, atol=1e-7)
+    np.testing.assert_array_equal(given, Pu)
+    assert lifted == pytest.approx(0.208, abs=1e-3)
+
+
 def nonlinear_plant(x, u, dt):
     """A toy with the skydiver's controls: yaw driven by alpha and the hands, damped by Cm."""
     rate = x[0] + dt * (9.0 * np.sin(u[3]) + 0.3 * (u[2] - u[1]) - 4.0 * u[0] * x[0] - 0.2 * x[0] * abs(x[0]))
@@ -144,6 +155,7 @@ READINGS = [
     {"horizon_steps": 5, "alpha_dynamics": "positional", "saved_control_reading": "first_step"},
     {"saved_control_reading": "first_step"},
     {"weights_reading": "printed"},
+    {"move_reading": "printed"},
 ]
 _DYNAMICS = {"unknown": "held", "incremental": "incremental", "positional": "positional"}
 _SAVED = {"drawn": "drawn", "first_step": "after_first_step", "horizon": "at_horizon"}
@@ -166,6 +178,7 @@ def test_skydiver_utc_equals_the_paper(readings):
         dynamics=_DYNAMICS[parameters.alpha_dynamics],
         saved=_SAVED[parameters.saved_control_reading],
         recursion="applied",
+        order="bound_then_move" if parameters.move_reading == "printed" else "move_then_bound",
         weights="eq:zpred for Ypred" if parameters.weights_reading == "printed" else "eq:sigp",
     )
     k_hyst = round(1.0 / scenario.dt_s)
@@ -202,10 +215,7 @@ def test_s14_over_the_whole_turn(recursion, sign):
     )
     schedule = CouplingSchedule(parameters, k_hyst=238)
     expected = paper.s14_sequence(reference, 238, scenario.steps, recursion, sign == "signed")
-    got = [
-        np.sign(schedule.process_noise(reference[k : k + schedule.preview_steps + 1])[0, 3])
-        for k in range(scenario.steps)
-    ]
+    got = [np.sign(schedule.process_noise(reference[k : k + 238 + 2])[0, 3]) for k in range(scenario.steps)]
     np.testing.assert_array_equal(got, expected)
 
 

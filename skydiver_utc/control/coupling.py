@@ -14,7 +14,6 @@ class CouplingSchedule:
     def __init__(self, parameters: UtcParameters, k_hyst: int) -> None:
         self._parameters = parameters
         self._k_hyst = k_hyst
-        self.preview_steps = k_hyst + 1
         self.reset()
 
     def reset(self) -> None:

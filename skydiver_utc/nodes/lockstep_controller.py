@@ -108,7 +108,7 @@ class ControllerNode(ScenarioNode):
         if waiting and self._preview.count < self._needs:
             self.get_logger().warning(
                 f"waiting for the reference: it covers {self._preview.covered()}, one decision takes"
-                f" {self._needs} steps; is the reference node running, its preview_steps long enough?"
+                f" {self._needs} steps; is the reference node running, with the same scenario?"
             )
         elif waiting and (unheard := self.unmatched()):
             self.get_logger().warning(f"waiting for listeners on {', '.join(unheard)}")

@@ -39,7 +39,6 @@ OWN_PARAMETERS: Mapping[str, tuple[Leaf, ...]] = {
     "reference": (
         _SCENARIO,
         _WAIT_FOR_RECORDER,
-        _own("preview_steps", 300, "1", "steps beyond the present that a controller can count on", 1),
         _own("chunk_steps", 80, "1", "steps from one preview message to the next", 1),
     ),
     "controller": (_SCENARIO, _WAIT_FOR_RECORDER),

@@ -18,15 +18,15 @@ _STARTUP_POLL_S = 0.02
 class ReferenceNode(ScenarioNode):
     """Publishes a chunk every `chunk_steps` steps of `/clock`; the newest one is latched for late listeners.
 
-    A chunk reaches `preview_steps` beyond the next two chunks, so that a controller never waits for one that
-    is merely late.
+    A chunk reaches as far as the scenario's controller looks beyond the next two chunks, so that a controller
+    never waits for one that is merely late.
     """
 
     def __init__(self, context: Context | None = None, overrides: Mapping[str, object] | None = None) -> None:
         super().__init__("reference", context, overrides)
         self._reference = build_reference(self.scenario)
         self._chunk_steps: int = self.own["chunk_steps"]
-        self._count: int = self.own["preview_steps"] + 2 * self._chunk_steps + 1
+        self._count: int = self.scenario.preview_steps + 2 * self._chunk_steps + 1
         self._chunk = -1
         self._write_preview = PreviewWriter(self.grid, self._count).fill
         self._write_setpoint = SetpointWriter(self.grid).fill

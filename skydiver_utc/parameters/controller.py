@@ -16,16 +16,23 @@ class PoseControllerParameters(Parameters, frozen=True, tag_field="kind", tag="p
     K_FF: Gain = 0.1
     Cm_damp_yaw: Annotated[float, quantity("1", "constant yaw damping coefficient", ge=0, le=50)] = 0.5
 
+    def preview_steps(self, dt_s: float) -> int:
+        """Steps of the reference beyond the present that the controller needs."""
+        return 0
+
 
 class UtcParameters(Parameters, frozen=True, tag_field="kind", tag="utc"):
     """The Unscented Transform Controller, section 3 of the paper.
 
-    Fields that end in ``_reading`` choose between the equation as printed and the reading that works.
+    The defaults are the paper's initial conditions, eq:sigp and eq:lim. Fields that end in ``_reading`` choose between
+    the equation as printed and the reading that works.
     """
 
     horizon_steps: Annotated[int, quantity("steps", "prediction horizon N = t_pred / dt", ge=1, le=500)] = 20
     W0: Annotated[float, quantity("1", "weight of the central sigma point", gt=-10, lt=1)] = 0.25
-    P_err: Annotated[float, quantity("(rad/s)^2", "covariance of the tracking error", gt=0, le=1e3)] = 1e-4
+    P_err: Annotated[
+        float, quantity("(rad/s)^2", "covariance of the tracking error, 0.01^2 in the paper", gt=0, le=1e3)
+    ] = 1e-4
     P_err_roll_rate: Annotated[
         float,
         quantity(
@@ -95,6 +102,18 @@ class UtcParameters(Parameters, frozen=True, tag_field="kind", tag="utc"):
         Literal["normalised", "printed"],
         text("weights that sum to one, or eq:zpred as printed for i = 0 too"),
     ] = "normalised"
+
+    def tau_steps(self, dt_s: float) -> int:
+        """Look-ahead of the feed-forward in steps."""
+        return round(self.tau_s / dt_s)
+
+    def k_hyst(self, dt_s: float) -> int:
+        """Look-ahead of eq:s14 in steps."""
+        return round(self.k_hyst_s / dt_s)
+
+    def preview_steps(self, dt_s: float) -> int:
+        """Steps of the reference beyond the present that the controller needs."""
+        return max(self.horizon_steps + self.tau_steps(dt_s), self.k_hyst(dt_s) + 1)
 
 
 Controller = PoseControllerParameters | UtcParameters

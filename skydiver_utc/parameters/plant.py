@@ -4,7 +4,10 @@ from typing import Annotated
 
 from skydiver_utc.parameters.fields import Parameters, quantity, text
 
-Range = tuple[float, float]
+DampingLimit = Annotated[float, quantity("1", "limit of the yaw damping coefficient", ge=0, le=50)]
+HandLimit = Annotated[float, quantity("1", "limit of a hand coefficient", ge=-50, le=50)]
+# Wider, and the table of the posture over alpha would lose its tested accuracy.
+AngleLimit = Annotated[float, quantity("rad", "limit of the pattern angle", ge=-2, le=2)]
 
 
 class Air(Parameters, frozen=True):
@@ -32,10 +35,10 @@ class Hands(Parameters, frozen=True):
 class Limits(Parameters, frozen=True):
     """Actuator limits (eq:minmax_utc) and slew rate of the pattern angle (eq:lim)."""
 
-    Cm_damp_yaw: Range
-    k_right: Range
-    k_left: Range
-    alpha: Range
+    Cm_damp_yaw: tuple[DampingLimit, DampingLimit]
+    k_right: tuple[HandLimit, HandLimit]
+    k_left: tuple[HandLimit, HandLimit]
+    alpha: tuple[AngleLimit, AngleLimit]
     alpha_rate: Annotated[float, quantity("rad/s", "slew rate of the pattern angle", gt=0, le=100)]
 
     def __post_init__(self) -> None:
@@ -45,8 +48,6 @@ class Limits(Parameters, frozen=True):
                 raise ValueError(
                     f"limits of {name} are upside down: write the smaller of {lower}, {upper} first"
                 )
-        if self.Cm_damp_yaw[0] < 0:
-            raise ValueError("limits of Cm_damp_yaw must not be negative: negative damping is not a damping")
 
     @property
     def minimum(self) -> tuple[float, float, float, float]:

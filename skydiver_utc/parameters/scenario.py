@@ -19,7 +19,9 @@ class Scenario(Parameters, frozen=True, kw_only=True):
     duration_s: Annotated[float, quantity("s", "simulated time of the flight", gt=0, le=36000)]
     dt_s: Annotated[float, quantity("s", "control and integration step", ge=1e-4, le=0.05)]
     epoch_s: Annotated[int, quantity("s", "simulated time of step 0, Unix time", gt=0, le=4102444800)]
-    seed: Annotated[int, quantity("1", "seed of every random draw", ge=0, le=2**32 - 1)] = 0
+    seed: Annotated[
+        int, quantity("1", "seed of every random draw; nothing draws yet", ge=0, le=2**32 - 1)
+    ] = 0
     air: Air
     plant: PlantParameters
     initial: InitialCondition
@@ -49,6 +51,11 @@ class Scenario(Parameters, frozen=True, kw_only=True):
     def steps(self) -> int:
         """Number of control steps K, the smallest that covers the duration."""
         return math.ceil(round(self.duration_s * 1e9) / self.dt_ns)
+
+    @property
+    def preview_steps(self) -> int:
+        """Steps of the reference beyond the present that the controller needs."""
+        return self.controller.preview_steps(self.dt_s)
 
     def stamp_ns(self, k: int) -> int:
         """Simulated time of step k in integer nanoseconds."""

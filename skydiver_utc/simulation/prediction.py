@@ -28,8 +28,7 @@ class SkydiverPrediction:
         self._dynamics = _ALPHA_DYNAMICS[parameters.alpha_dynamics]
         self._saved = _SAVED[parameters.saved_control_reading]
         self._gains = (parameters.K_p, parameters.K_FF)
-        self._tau = round(parameters.tau_s / model.dt)
-        self.preview_steps = self._steps + self._tau
+        self._tau = parameters.tau_steps(model.dt)
         self._measured = parameters.first_increment_reading == "measured"
         self._work = np.empty(WORK_SIZE + STATE_SIZE + 8)
         self.reset()

@@ -36,7 +36,7 @@ class SkydiverUtc:
         self._initial = initial
         self._horizon = parameters.horizon_steps
         self._prediction = SkydiverPrediction(model, parameters)
-        self._coupling = CouplingSchedule(parameters, round(parameters.k_hyst_s / model.dt))
+        self._coupling = CouplingSchedule(parameters, parameters.k_hyst(model.dt))
         self._kept = [0.0] * (parameters.P_err_roll_rate > 0.0)
         self._kept += [initial_fall_rate] * (parameters.P_err_fall_rate > 0.0)
         m = len(CONTROL_NAMES)
@@ -54,7 +54,7 @@ class SkydiverUtc:
             move_unclipped=parameters.move_reading == "unclipped",
             output_weights=printed if parameters.weights_reading == "printed" else None,
         )
-        self.preview_steps = max(self._prediction.preview_steps, self._coupling.preview_steps)
+        self.preview_steps = parameters.preview_steps(model.dt)
         self.reset()
 
     def reset(self) -> None:

@@ -16,6 +16,8 @@ from pathlib import Path
 from types import FrameType
 from typing import IO, Any
 
+import skydiver_utc
+
 PLANT, REFERENCE, CONTROLLER, RECORDER = "plant", "reference", "controller", "recorder"
 
 # The plant tells how the flight ended while all others listen; the recorder hears everybody's last word.
@@ -27,12 +29,22 @@ _LAST_LINES = 6
 _PR_SET_PDEATHSIG = 1
 _LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None
 
+# Not -m, which would look into the current folder first: the nodes are those of this package, wherever one stands.
+_NODE = """
+import sys
+sys.path[:] = [folder for folder in sys.path if folder]
+from skydiver_utc.nodes.{kind}_node import main
+sys.exit(main())
+"""
+_PACKAGE_FOLDER = str(Path(skydiver_utc.__file__).resolve().parents[1])
+
 
 class NodeProcesses:
     """The nodes of one run; all of them have ended when the `with` block is left."""
 
     def __init__(self, environment: Mapping[str, str], log_folder: Path) -> None:
-        self._environment = dict(environment)
+        found = [_PACKAGE_FOLDER, *filter(None, environment.get("PYTHONPATH", "").split(os.pathsep))]
+        self._environment = {**environment, "PYTHONPATH": os.pathsep.join(found)}
         self._log_folder = log_folder
         self._processes: dict[str, subprocess.Popen[str]] = {}
         self._lines: queue.Queue[str] = queue.Queue()
@@ -45,7 +57,7 @@ class NodeProcesses:
 
     def start(self, kind: str, parameters: Mapping[str, str | bool]) -> None:
         """Start ``<kind>_node`` with these ROS parameters; the plant's stdout is kept for `reports`."""
-        command = [sys.executable, "-m", f"skydiver_utc.nodes.{kind}_node", "--ros-args"]
+        command = [sys.executable, "-c", _NODE.format(kind=kind), "--ros-args"]
         for name, value in parameters.items():
             command += ["-p", f"{name}:={json.dumps(value)}"]
         with self._log(kind).open("w") as log:

@@ -1,0 +1,203 @@
+"""Steady falls of a body that holds one posture: straight, and turning about the vertical.
+
+Attitude is the world's up direction in body axes, a unit vector, so that no attitude is singular and heading, on
+which nothing depends, does not appear. A body that does not turn feels forces and moments that depend on the
+direction of its velocity alone, times its speed squared: a straight fall is a direction without moment, and its
+speed and its up direction follow from weight = force.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.parameters import ParameterError
+from skydiver_utc.plant.dynamics import STATE_SIZE, invert_inertia, posture_geometry, state_derivative
+from skydiver_utc.plant.model import GEOMETRY_SIZE, PlantModel
+
+Array = NDArray[np.float64]
+
+# What may be left of linear [m/s2] and angular [rad/s2] acceleration.
+LARGEST_RESIDUAL = 1e-6
+_DIRECTIONS = 361
+# A unit of the unknown velocity of a steady turn [m/s].
+_SPEED = 50.0
+
+
+class HeldBody:
+    """A body that holds the posture of a pattern angle under a constant control (4,)."""
+
+    def __init__(self, model: PlantModel, control: Array) -> None:
+        self.model, self.control = model, control
+        self._geometry, self._inverse = np.empty(GEOMETRY_SIZE), np.empty(6)
+        posture_geometry(model, control[3], self._geometry)
+        invert_inertia(self._geometry, self._inverse)
+
+    def accelerations(self, up: Array, velocity: Array, rates: Array) -> Array:
+        """Linear [m/s2] and angular [rad/s2] acceleration (6,) in body axes, as the flight has them."""
+        state, derivative = np.zeros(STATE_SIZE), np.empty(STATE_SIZE)
+        state[3:7] = _quaternion(up)
+        state[7:10], state[10:13] = velocity, rates
+        state_derivative(self.model, self._geometry, self._inverse, self.control, state, derivative)
+        return derivative[7:13]
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyFall:
+    """A fall without acceleration in body axes.
+
+    up (3,) the world's up direction, velocity (3,) [m/s], rates (3,) [rad/s], residual (6,) [m/s2, rad/s2], all in
+    body axes; pitch_stiffness [rad/s2 per rad] is positive where a turn about y out of the wind is answered by
+    one back.
+    """
+
+    up: Array
+    velocity: Array
+    rates: Array
+    residual: Array
+    pitch_stiffness: float = 0.0
+
+    @property
+    def speed(self) -> float:
+        """Speed through the air [m/s]."""
+        return float(np.linalg.norm(self.velocity))
+
+    @property
+    def fall_rate(self) -> float:
+        """Downward speed [m/s]."""
+        return float(-self.velocity @ self.up)
+
+    @property
+    def glide_angle(self) -> float:
+        """Angle between the path and straight down [rad], never negative."""
+        return float(np.arctan2(np.linalg.norm(self._sideways()), self.fall_rate))
+
+    @property
+    def glide_direction(self) -> str:
+        """The body axis along which the horizontal velocity mostly points."""
+        return _axis(self._sideways(), ("headwards", "left", "dorsal"), ("feetwards", "right", "ventral"))
+
+    @property
+    def facing(self) -> str:
+        """Which side of the body faces the earth."""
+        return _axis(
+            -self.up,
+            ("head down", "left side down", "back to earth"),
+            ("feet down", "right side down", "belly to earth"),
+        )
+
+    @property
+    def pitch(self) -> float:
+        """How far the long axis points below the horizon [rad]: positive with the head low."""
+        return float(np.arcsin(np.clip(-self.up[0], -1.0, 1.0)))
+
+    @property
+    def yaw_rate(self) -> float:
+        """Body rate about the dorsal axis [rad/s]."""
+        return float(self.rates[2])
+
+    def _sideways(self) -> Array:
+        sideways: Array = self.velocity + self.fall_rate * self.up
+        return sideways
+
+
+def straight_falls(model: PlantModel) -> list[SteadyFall]:
+    """All straight falls of the posture at pattern angle 0, controls at rest, the statically stable ones first.
+
+    Drag is odd in the velocity, so each fall has its reverse, stable where the other is not. Raises
+    `ParameterError` where there is none.
+    """
+    from scipy.optimize import brentq
+
+    weightless = HeldBody(model._replace(gravity=0.0), np.zeros(4))
+
+    def pitch_acceleration(angle: float) -> float:
+        return float(_in_wind(weightless, _in_symmetry_plane(angle))[4])
+
+    angles = np.linspace(-np.pi, np.pi, _DIRECTIONS) + 0.5 * np.pi / _DIRECTIONS
+    values = [pitch_acceleration(angle) for angle in angles]
+    found = []
+    for left, right, before, after in zip(angles, angles[1:], values, values[1:], strict=False):
+        if before * after < 0.0:
+            angle = brentq(pitch_acceleration, left, right, xtol=1e-15)
+            fall = _straight_fall(model, weightless, _in_symmetry_plane(angle))
+            step = 1e-6
+            slope = (pitch_acceleration(angle + step) - pitch_acceleration(angle - step)) / (2 * step)
+            found.append(replace(fall, pitch_stiffness=-slope * fall.speed**2))
+    if not found:
+        raise ParameterError(
+            "this posture turns about the mediolateral axis in any wind: there is no straight fall"
+        )
+    least = min(float(np.abs(fall.residual).max()) for fall in found)
+    if least > LARGEST_RESIDUAL:
+        raise ParameterError(
+            f"this posture has no steady straight fall, at best {least:.2g} of acceleration is left: "
+            "make its left and right sides alike"
+        )
+    steady = [fall for fall in found if np.abs(fall.residual).max() <= LARGEST_RESIDUAL]
+    return sorted(steady, key=lambda fall: -fall.pitch_stiffness)
+
+
+def steady_turn(body: HeldBody, near: SteadyFall) -> SteadyFall | None:
+    """The steady turn about the vertical nearest to a fall; None where no solution is found from there."""
+    from scipy.optimize import root
+
+    gravity = body.model.gravity
+
+    def unpack(x: Array) -> tuple[Array, Array, Array]:
+        up = x[3:6] / np.linalg.norm(x[3:6])
+        return up, _SPEED * x[:3], x[6] * up
+
+    def unbalanced(x: Array) -> Array:
+        accelerations = body.accelerations(*unpack(x))
+        accelerations[:3] /= gravity
+        return np.append(accelerations, x[3:6] @ x[3:6] - 1.0)
+
+    turning = float(near.rates @ near.up)
+    found = root(unbalanced, np.concatenate([near.velocity / _SPEED, near.up, [turning]]), tol=1e-13)
+    up, velocity, rates = unpack(found.x)
+    residual = body.accelerations(up, velocity, rates)
+    if np.abs(residual).max() > LARGEST_RESIDUAL:
+        return None
+    return SteadyFall(up, velocity, rates, residual)
+
+
+def _straight_fall(model: PlantModel, weightless: HeldBody, direction: Array) -> SteadyFall:
+    """The straight fall whose velocity points nearest to a direction; its residual says whether it is one."""
+    from scipy.optimize import least_squares
+
+    def unbalanced(x: Array) -> Array:
+        return np.append(_in_wind(weightless, x / np.linalg.norm(x))[3:], x @ x - 1.0)
+
+    x: Array = least_squares(unbalanced, direction, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+    direction = x / np.linalg.norm(x)
+    push = _in_wind(weightless, direction)[:3]
+    strength = float(np.linalg.norm(push))
+    up, velocity = push / strength, np.sqrt(model.gravity / strength) * direction
+    residual = HeldBody(model, weightless.control).accelerations(up, velocity, np.zeros(3))
+    return SteadyFall(up, velocity, np.zeros(3), residual)
+
+
+def _in_wind(weightless: HeldBody, direction: Array) -> Array:
+    """Accelerations (6,) without gravity at a speed of 1 m/s."""
+    return weightless.accelerations(np.array([0.0, 0.0, 1.0]), direction, np.zeros(3))
+
+
+def _in_symmetry_plane(angle: float) -> Array:
+    """Direction of the velocity: 0 ventral, positive to the head."""
+    return np.array([np.sin(angle), 0.0, -np.cos(angle)])
+
+
+def _quaternion(up: Array) -> Array:
+    """One of the attitudes x y z w whose world up is `up` in body axes, exact for every unit vector."""
+    x, y, z = up
+    if z >= 0.0:
+        half = np.sqrt(0.5 * (1.0 + z))
+        return np.array([0.5 * y / half, -0.5 * x / half, 0.0, half])
+    half = np.sqrt(0.5 * (1.0 - z))
+    return np.array([half, 0.0, 0.5 * x / half, 0.5 * y / half])
+
+
+def _axis(vector: Array, positive: tuple[str, str, str], negative: tuple[str, str, str]) -> str:
+    largest = int(np.argmax(np.abs(vector)))
+    return positive[largest] if vector[largest] > 0.0 else negative[largest]

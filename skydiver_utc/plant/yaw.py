@@ -1,0 +1,37 @@
+"""What the turning pattern does to a straight fall: yaw acceleration at once, steady yaw rate in the end."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.plant.model import PlantModel
+from skydiver_utc.plant.steady import HeldBody, SteadyFall, steady_turn
+
+Array = NDArray[np.float64]
+
+# Steps in pattern angle in which a steady turn is followed from one reported angle to the next.
+_STEPS = 6
+
+
+def yaw_acceleration(model: PlantModel, fall: SteadyFall) -> float:
+    """Body acceleration about the dorsal axis [rad/s2] in a straight fall with the whole pattern put in at once."""
+    body = HeldBody(model, np.array([0.0, 0.0, 0.0, model.control_max[3]]))
+    return float(body.accelerations(fall.up, fall.velocity, fall.rates)[5])
+
+
+def steady_yaw_rates(
+    model: PlantModel, fall: SteadyFall, alphas: Array, damping: float
+) -> list[float | None]:
+    """Yaw rate [rad/s] of the steady turn at each of rising pattern angles [rad], hands at rest.
+
+    The turn is followed from the straight fall on; None from where it is lost.
+    """
+    rates: list[float | None] = []
+    near: SteadyFall | None = fall
+    reached = 0.0
+    for alpha in alphas:
+        for step in np.linspace(reached, alpha, _STEPS + 1)[1:]:
+            if near is not None:
+                near = steady_turn(HeldBody(model, np.array([damping, 0.0, 0.0, step])), near)
+        reached = float(alpha)
+        rates.append(None if near is None else near.yaw_rate)
+    return rates
