@@ -79,7 +79,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("plant", {"command_retries": -1}, "parameter command_retries must be at least 0, found -1"),
     ("plant", {"command_retries": True}, "parameter command_retries must be of type int, found True"),
     ("plant", {"progress": 1}, "parameter progress must be of type bool, found 1"),
-    ("reference", {"preview_steps": 0}, "parameter preview_steps must be at least 1"),
+    ("reference", {"chunk_steps": 0}, "parameter chunk_steps must be at least 1"),
     ("reference", {"chunk_steps": "all"}, "parameter chunk_steps must be of type int, found 'all'"),
     ("recorder", {"bag_folder": 5}, "parameter bag_folder must be of type str, found 5"),
 ]

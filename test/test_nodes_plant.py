@@ -259,8 +259,8 @@ def test_a_state_that_leaves_the_model_ends_the_flight(ros: Ros, monkeypatch: py
     plant = plant_of(ros)
     step = plant._plant.step
 
-    def diverging(state: Any, applied: Any) -> Any:
-        following = step(state, applied)
+    def diverging(state: Any, before: Any, applied: Any) -> Any:
+        following = step(state, before, applied)
         return following * np.nan if plant.k == 3 else following
 
     monkeypatch.setattr(plant._plant, "step", diverging)

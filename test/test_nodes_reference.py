@@ -10,12 +10,13 @@ from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.messages import ClockWriter
 from skydiver_utc.nodes.preview import read_preview
 from skydiver_utc.nodes.preview_publisher import ReferenceNode
-from skydiver_utc.parameters import load_scenario, scenario_names
+from skydiver_utc.parameters import load_scenario
 from skydiver_utc.simulation.build import build_controller, build_reference
 
 pytest_plugins = ("ros_fixtures",)
 
-PREVIEW, CHUNK = 30, 10
+CHUNK = 10
+PREVIEW = load_scenario("fast_turn_unknown_dynamics").preview_steps
 
 
 class Stage:
@@ -23,7 +24,7 @@ class Stage:
 
     def __init__(self, ros: Ros, **parameters: object) -> None:
         self.ros = ros
-        given = {"preview_steps": PREVIEW, "chunk_steps": CHUNK} | parameters
+        given = {"chunk_steps": CHUNK} | parameters
         self.node: ReferenceNode = ros.add(ReferenceNode(ros.context, overrides(**given)))  # type: ignore[arg-type]
         self.plant: Partner = ros.partner("plant")
         self.setpoints = self.plant.hear(topics.SETPOINT)
@@ -115,7 +116,12 @@ def test_it_waits_for_an_awaited_recorder(ros: Ros) -> None:
     stage.begun()  # the partner hears both topics, as a recorder does
 
 
-def test_the_default_preview_is_enough_for_every_scenario_of_the_paper(ros: Ros) -> None:
-    node = ros.add(ReferenceNode(ros.context, overrides()))
-    for name in scenario_names():
-        assert build_controller(load_scenario(name)).preview_steps <= node.own["preview_steps"]
+@pytest.mark.parametrize(
+    "given", [{}, {"dt_s": 0.002}, {"controller.k_hyst_s": 3.0}, {"controller.tau_s": 2.0}], ids=str
+)
+def test_the_preview_is_enough_for_the_scenario_s_controller(ros: Ros, given: dict[str, float]) -> None:
+    stage = Stage(ros, **given)
+    stage.plant.sends(topics.CLOCK)
+    stage.begun()
+    needed = build_controller(stage.node.scenario).preview_steps + 1
+    assert len(stage.chunks[0].points) >= needed + CHUNK

@@ -24,8 +24,8 @@ class PoseControllerParameters(Parameters, frozen=True, tag_field="kind", tag="p
 class UtcParameters(Parameters, frozen=True, tag_field="kind", tag="utc"):
     """The Unscented Transform Controller, section 3 of the paper.
 
-    The defaults are the paper's initial conditions, eq:sigp and eq:lim. Fields that end in ``_reading`` choose between
-    the equation as printed and the reading that works.
+    The defaults are the paper's initial conditions, eq:sigp and eq:lim. Fields that end in ``_reading``
+    choose between the equation as printed and the reading that works.
     """
 
     horizon_steps: Annotated[int, quantity("steps", "prediction horizon N = t_pred / dt", ge=1, le=500)] = 20
