@@ -112,7 +112,7 @@ def test_moving_limbs_lag_behind_the_command():
     ids=lambda r: "-".join(next(iter(r.items()))),
 )
 def test_every_printed_reading_flies(reading):
-    """Each can be chosen and changes the flight over a left and a right turn; how well it tracks stands in docs/findings.md."""
+    """Each can be chosen and changes the flight over a left and a right turn (figures: docs/findings.md)."""
     flight = simulate(
         load_scenario(FAST, {"duration_s": 4.0} | {f"controller.{k}": v for k, v in reading.items()})
     )
