@@ -16,6 +16,7 @@ from test_analysis_metrics import scenario_of
 
 from skydiver_utc.analysis.recorded_flight import read_flight
 from skydiver_utc.simulation.closed_loop import simulate
+from skydiver_utc.verbs.node_processes import NODE_CODE, PACKAGE_FOLDER
 from skydiver_utc.verbs.ros_environment import free_domain, node_environment
 from skydiver_utc.verbs.run import new_run_folder
 
@@ -54,6 +55,22 @@ def test_a_flight_over_ros_is_the_simulated_one(tmp_path: Path) -> None:
     again = simulate(flight.scenario)
     for name in ("states", "commands", "applied", "reference", "telemetry"):
         np.testing.assert_array_equal(getattr(flight, name), getattr(again, name))
+
+
+def test_nodes_do_not_come_from_the_current_folder(tmp_path: Path) -> None:
+    """A file there that is named like a library, or like this package, is not what runs."""
+    (tmp_path / "yaml.py").write_text("raise RuntimeError('from the current folder')")
+    (tmp_path / "skydiver_utc").mkdir()
+    (tmp_path / "skydiver_utc" / "__init__.py").write_text("raise RuntimeError('from the current folder')")
+    finished = subprocess.run(
+        [sys.executable, "-c", NODE_CODE.format(kind="plant"), "--help"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": PACKAGE_FOLDER},
+        capture_output=True,
+        text=True,
+    )
+    assert finished.returncode == 0, finished.stderr
+    assert "scenario" in finished.stdout
 
 
 @needs_ros

@@ -122,8 +122,8 @@ def _draw_error(axes: Axes, flight: Flight, convergence_time_s: float | None) ->
     if band > 0.0:
         axes.axhspan(-band, band, color=GREEN, alpha=0.14, linewidth=0.0)
         axes.text(
-            0.995, 0.04, f"band: 5 % of the amplitude, {short(band)} deg/s", transform=axes.transAxes,
-            ha="right", va="bottom", fontsize=8.0, color="#00694D", bbox=_PLATE, zorder=5,
+            0.995, 1.03, f"band: 5 % of the amplitude, {short(band)} deg/s", transform=axes.transAxes,
+            ha="right", va="bottom", fontsize=8.0, color="#00694D",
         )  # fmt: skip
     axes.plot(flight.time_s, error, color=VERMILLION, linewidth=1.1)
     if convergence_time_s is not None and convergence_time_s > 0.0:

@@ -153,6 +153,9 @@ def _sentence(message: str, content: dict[str, Any]) -> str:
     if not path:
         return fault
     value = _value_at(content, path)
+    choices = _choices(path)
+    if choices and isinstance(value, str):
+        return f"parameter {path}: there is no {value!r}, choose one of {', '.join(choices)}"
     found = f", found {value!r}" if isinstance(value, str | int | float | bool) else ""
     return f"parameter {path}: {fault[:1].lower()}{fault[1:]}{found}"
 
@@ -170,12 +173,25 @@ def _value_at(content: Any, path: str) -> Any:
 
 def _field_names(path: str) -> list[str]:
     """Names that may stand at `path`, over all kinds that the place admits."""
+    return [f.name for t in _types_at(path) if isinstance(t, msgspec.inspect.StructType) for f in t.fields]
+
+
+def _choices(path: str) -> list[str]:
+    """The texts that may stand at `path`, where only certain ones may."""
+    *_, last = re.findall(r"[^.\[\]]+", path)
+    literals = [t for t in _types_at(path) if isinstance(t, msgspec.inspect.LiteralType)]
+    kinds = [t for t in _types_at(path.rpartition(".")[0]) if isinstance(t, msgspec.inspect.StructType)]
+    tags = [str(t.tag) for t in kinds if t.tag_field == last]
+    return tags + [str(value) for t in literals for value in t.values]
+
+
+def _types_at(path: str) -> list[Any]:
     types: list[Any] = [msgspec.inspect.type_info(Scenario)]
     for part in re.findall(r"[^.\[\]]+", path):
         structs = [t for t in types if isinstance(t, msgspec.inspect.StructType)]
         types = [_bare(f.type) for t in structs for f in t.fields if f.name == part]
         types = [o for t in types for o in (t.types if isinstance(t, msgspec.inspect.UnionType) else (t,))]
-    return [f.name for t in types if isinstance(t, msgspec.inspect.StructType) for f in t.fields]
+    return types
 
 
 def _bare(kind: Any) -> Any:

@@ -30,20 +30,20 @@ _PR_SET_PDEATHSIG = 1
 _LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None
 
 # Not -m, which would look into the current folder first: the nodes are those of this package, wherever one stands.
-_NODE = """
+NODE_CODE = """
 import sys
 sys.path[:] = [folder for folder in sys.path if folder]
 from skydiver_utc.nodes.{kind}_node import main
 sys.exit(main())
 """
-_PACKAGE_FOLDER = str(Path(skydiver_utc.__file__).resolve().parents[1])
+PACKAGE_FOLDER = str(Path(skydiver_utc.__file__).resolve().parents[1])
 
 
 class NodeProcesses:
     """The nodes of one run; all of them have ended when the `with` block is left."""
 
     def __init__(self, environment: Mapping[str, str], log_folder: Path) -> None:
-        found = [_PACKAGE_FOLDER, *filter(None, environment.get("PYTHONPATH", "").split(os.pathsep))]
+        found = [PACKAGE_FOLDER, *filter(None, environment.get("PYTHONPATH", "").split(os.pathsep))]
         self._environment = {**environment, "PYTHONPATH": os.pathsep.join(found)}
         self._log_folder = log_folder
         self._processes: dict[str, subprocess.Popen[str]] = {}
@@ -57,7 +57,7 @@ class NodeProcesses:
 
     def start(self, kind: str, parameters: Mapping[str, str | bool]) -> None:
         """Start ``<kind>_node`` with these ROS parameters; the plant's stdout is kept for `reports`."""
-        command = [sys.executable, "-c", _NODE.format(kind=kind), "--ros-args"]
+        command = [sys.executable, "-c", NODE_CODE.format(kind=kind), "--ros-args"]
         for name, value in parameters.items():
             command += ["-p", f"{name}:={json.dumps(value)}"]
         with self._log(kind).open("w") as log:
