@@ -43,7 +43,7 @@ def test_a_posture_at_its_limit_is_taken():
     SkydiverPlant(load_scenario(NAME, {"posture.joint_angles_deg.neck": [-45.0, 0.0, 60.0]}))
 
 
-@pytest.mark.parametrize(("alphas", "told"), [([-1.5, 3.0], "alpha = 3"), ([-3.0, 1.5], "alpha = -3")])
+@pytest.mark.parametrize(("alphas", "told"), [([-1.5, 2.0], "alpha = 2"), ([-2.0, 1.5], "alpha = -2")])
 def test_the_pattern_is_checked_at_both_ends_of_alpha(alphas, told):
     message = refused(plant__limits__alpha=alphas)
     assert told in message
