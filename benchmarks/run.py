@@ -21,7 +21,7 @@ from rich.table import Table
 
 from skydiver_utc.jit import kernel
 from skydiver_utc.parameters import load_scenario
-from skydiver_utc.plant.dynamics import WORK_SIZE, rk4_step
+from skydiver_utc.plant.dynamics import WORK_SIZE, drive_limbs, moving_step, rk4_step
 from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
 from skydiver_utc.simulation.closed_loop import simulate
 
@@ -36,15 +36,23 @@ def _many_steps(model, state, control, work, count):
         rk4_step(model, state, control, state, work)
 
 
-def plant_step() -> Callable[[], float]:
-    """One RK4 step with a moving posture inside a jitted loop [s]."""
+@kernel
+def _many_moving_steps(model, state, applied, work, count):
+    for i in range(count):
+        before = applied.copy()
+        drive_limbs(model, 1e-3 * (i % 1000), before, applied)
+        moving_step(model, state, before, applied, state, work)
+
+
+def plant_step(steps: Callable[..., None], size: int) -> Callable[[], float]:
+    """One RK4 step inside a jitted loop, with an applied control of `size` numbers [s]."""
     plant = build_plant(load_scenario(FAST))
-    start, control, work = plant.initial_state(), np.array([1.0, 0.0, 0.0, 0.0]), np.empty(WORK_SIZE)
+    start, work = plant.initial_state(), np.empty(WORK_SIZE)
 
     def once() -> float:
-        state = start.copy()
+        state, applied = start.copy(), np.zeros(size)
         begin = time.perf_counter()
-        _many_steps(plant.model, state, control, work, _STEPS_IN_A_LOOP)
+        steps(plant.model, state, applied, work, _STEPS_IN_A_LOOP)
         return (time.perf_counter() - begin) / _STEPS_IN_A_LOOP
 
     return once
@@ -92,7 +100,8 @@ def command(*arguments: str) -> Callable[[], float]:
 
 
 ROWS: tuple[tuple[str, str, float, int, Callable[[], Callable[[], float]]], ...] = (
-    ("plant step, RK4, moving posture", "us", 1e6, 200, plant_step),
+    ("model step, RK4, posture held", "us", 1e6, 200, lambda: plant_step(_many_steps, 4)),
+    ("plant step, RK4, posture moving", "us", 1e6, 200, lambda: plant_step(_many_moving_steps, 5)),
     ("UTC step, N = 20", "us", 1e6, 2000, lambda: controller_call(FAST)),
     ("UTC step, N = 5, eq:m1utc", "us", 1e6, 2000, lambda: controller_call("fast_turn_pi_dynamics")),
     ("pose controller step", "us", 1e6, 2000, lambda: controller_call("fast_turn_pose_only")),
