@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.simulation.flight import Flight
-from skydiver_utc.simulation.outcome import Outcome
+from skydiver_utc.simulation.outcome import Outcome, dorsal_axis_height
 
 SCHEMA_VERSION = 1
 SETTLING_S = 2.0
@@ -58,7 +58,7 @@ def metrics(flight: Flight) -> dict[str, Any]:
         "solve_time_us": solve_time_us(flight.solve_time_s),
         "wall_time_s": _finite(flight.wall_time_s),
         "simulated_time_s": steps * scenario.dt_ns / 1e9,
-        "min_dorsal_axis": _finite(float(np.min(dorsal_axis_heights(flight.states)))),
+        "min_dorsal_axis": _finite(float(np.min(dorsal_axis_height(flight.states)))),
     }
 
 
@@ -103,12 +103,6 @@ def solve_time_us(solve_time_s: Floats) -> dict[str, float | None]:
     if not len(known):
         return {"median": None, "p99": None}
     return {"median": float(np.median(known)), "p99": float(np.percentile(known, 99))}
-
-
-def dorsal_axis_heights(states: Floats) -> Floats:
-    """Vertical component of the body's dorsal axis, states (K+1, 13) -> (K+1,)."""
-    heights: Floats = 1.0 - 2.0 * (states[:, 3] ** 2 + states[:, 4] ** 2)
-    return heights
 
 
 def _largest(values: Floats) -> float:

@@ -51,7 +51,7 @@ class OutcomeMonitor:
         self.outcome, self.reason = outcome, reason
 
 
-def dorsal_axis_height(state: NDArray[np.float64]) -> float:
-    """Vertical component of the body's dorsal axis: 1 belly to earth, -1 back to earth."""
-    qx, qy = state[3], state[4]
-    return float(1.0 - 2.0 * (qx * qx + qy * qy))
+def dorsal_axis_height(states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Height (...) of the dorsal axis for states (..., 13): 1 belly to earth, -1 back to earth."""
+    height: NDArray[np.float64] = 1.0 - 2.0 * (states[..., 3] ** 2 + states[..., 4] ** 2)
+    return height
