@@ -22,10 +22,14 @@ KEYS = [
     "max_abs_error_deg_s",
     "convergence_time_s",
     "peak_yaw_rate_deg_s",
+    "angle_error_deg",
+    "overshoot_deg",
     "control_effort",
     "solve_time_us",
     "wall_time_s",
     "simulated_time_s",
+    "facing",
+    "facing_since_s",
     "min_dorsal_axis",
 ]
 
@@ -71,7 +75,13 @@ def scenario_of(duration_s: float = 4.0, dt_s: float = 0.05, **reference: Any) -
             "joint_limits": {"name": "t", "source": "t", "ranges_deg": {}},
         },
         "posture": {"name": "t", "description": "t", "source": "t", "joint_angles_deg": {}},
-        "pattern": {"name": "t", "description": "t", "source": "t", "components": {"hip": [1.0, 0.0, 0.0]}},
+        "pattern": {
+            "kind": "direction",
+            "name": "t",
+            "description": "t",
+            "source": "t",
+            "components": {"hip": [1.0, 0.0, 0.0]},
+        },
     }
     return msgspec.convert(content, Scenario)
 

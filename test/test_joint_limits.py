@@ -53,7 +53,15 @@ def test_the_pattern_is_checked_at_both_ends_of_alpha(alphas, told):
 def test_a_pattern_that_bends_a_joint_too_far_is_named():
     """At alpha = -1.5 rad, by hand: -45 deg + 85.9 deg at the left ankle is beyond 20 deg."""
     components = {"left_ankle": [-1.0, 0.0, 0.0]}
-    message = refused(pattern={"name": "kick", "description": "", "source": "", "components": components})
+    message = refused(
+        pattern={
+            "kind": "direction",
+            "name": "kick",
+            "description": "",
+            "source": "",
+            "components": components,
+        }
+    )
     assert "pattern kick at alpha = -1.5" in message
     assert "left_ankle flexion of 40.9 deg is above 20.0 deg" in message
 

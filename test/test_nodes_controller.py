@@ -35,7 +35,7 @@ class Stage:
         """A chunk of the scenario's reference."""
         count = self.preview_steps + 50 if count is None else count
         values = build_reference(self.scenario).preview(k0, count)
-        return PreviewWriter(self.node.grid, count).fill(k0, values)
+        return PreviewWriter(self.node.grid, "yaw_rate", count).fill(k0, values)
 
     def state_message(self, k: int) -> Any:
         return StateWriter(self.node.grid).fill(k, self.state)

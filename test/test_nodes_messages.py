@@ -54,7 +54,7 @@ def command_message(k: int = 3) -> Any:
 
 
 def preview_message(k: int = 3) -> Any:
-    return over_the_wire(PreviewWriter(GRID, 5).fill(k, np.arange(5.0)))
+    return over_the_wire(PreviewWriter(GRID, "yaw_rate", 5).fill(k, np.arange(5.0)))
 
 
 @given(k=steps)
@@ -115,12 +115,12 @@ def test_numbers_of_other_types_arrive_as_themselves(values: Any) -> None:
     """Unchecked, rclpy would send an int 1 as 5e-324."""
     message = over_the_wire(NamedValuesWriter(GRID, NAMES).fill(0, values))
     assert read_named_values(message, NAMES).tolist() == [0.0, 1.0, 2.0, 3.0]
-    setpoint = over_the_wire(SetpointWriter(GRID).fill(0, values[1]))
+    setpoint = over_the_wire(SetpointWriter(GRID, "yaw_rate").fill(0, values[1]))
     assert setpoint.twist.angular.z == 1.0
 
 
 def test_a_setpoint_and_the_clock_carry_the_time_of_their_step() -> None:
-    setpoint = over_the_wire(SetpointWriter(GRID).fill(7, 2.5))
+    setpoint = over_the_wire(SetpointWriter(GRID, "yaw_rate").fill(7, 2.5))
     assert (GRID.step_of(setpoint.header.stamp), setpoint.header.frame_id) == (7, "body")
     assert (setpoint.twist.angular.z, setpoint.twist.linear.x) == (2.5, 0.0)
     assert GRID.step_of(over_the_wire(ClockWriter(GRID).fill(7)).clock) == 7
@@ -178,8 +178,8 @@ def test_a_command_that_cannot_be_used_is_refused(kind: str, names: list[str], v
 
 @given(k=steps, values=st.lists(finite, min_size=1, max_size=40))
 def test_a_preview_comes_back_bit_for_bit(k: int, values: list[float]) -> None:
-    message = over_the_wire(PreviewWriter(GRID, len(values)).fill(k, np.array(values)))
-    k0, received = read_preview(message, GRID)
+    message = over_the_wire(PreviewWriter(GRID, "yaw_rate", len(values)).fill(k, np.array(values)))
+    k0, received = read_preview(message, GRID, "yaw_rate")
     assert (k0, received.tobytes()) == (k, np.array(values).tobytes())
     assert list(message.joint_names) == ["yaw_rate"]
 
@@ -227,7 +227,7 @@ def edited(edit: str) -> Any:
 )
 def test_a_preview_that_cannot_be_used_is_refused(kind: str, edit: str) -> None:
     with pytest.raises(BorderError) as caught:
-        read_preview(edited(edit), GRID)
+        read_preview(edited(edit), GRID, "yaw_rate")
     assert caught.value.kind == kind
 
 

@@ -44,7 +44,7 @@ class Stage:
         return self
 
     def first_steps(self) -> list[int]:
-        return [read_preview(chunk, self.node.grid)[0] for chunk in self.chunks]
+        return [read_preview(chunk, self.node.grid, "yaw_rate")[0] for chunk in self.chunks]
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def test_the_first_chunk_comes_when_there_is_a_clock(stage: Stage) -> None:
     stage.ros.spin_for(0.2)
     assert stage.chunks == []
     stage.begun()
-    k0, values = read_preview(stage.chunks[0], stage.node.grid)
+    k0, values = read_preview(stage.chunks[0], stage.node.grid, "yaw_rate")
     expected = build_reference(stage.node.scenario).preview(0, PREVIEW + 2 * CHUNK + 1)
     assert (k0, values.tobytes()) == (0, expected.tobytes())
 
@@ -70,7 +70,7 @@ def test_each_step_has_its_setpoint_and_a_preview_that_covers_it(stage: Stage) -
     for k, setpoint in enumerate(stage.setpoints):
         assert stage.node.grid.step_of(setpoint.header.stamp) == k
         assert setpoint.twist.angular.z == reference.value(k)
-        k0, values = read_preview(stage.chunks[k // CHUNK], stage.node.grid)
+        k0, values = read_preview(stage.chunks[k // CHUNK], stage.node.grid, "yaw_rate")
         assert values[k - k0 :].size > PREVIEW
         assert values[k - k0] == reference.value(k)
 
@@ -79,7 +79,7 @@ def test_a_late_listener_gets_the_newest_chunk(stage: Stage) -> None:
     stage.begun()
     stage.turn_to(0, 12, 25)
     late = stage.ros.partner("late").hear(topics.REFERENCE_PREVIEW)
-    stage.ros.spin_until(lambda: late and read_preview(late[-1], stage.node.grid)[0] == 20)
+    stage.ros.spin_until(lambda: late and read_preview(late[-1], stage.node.grid, "yaw_rate")[0] == 20)
 
 
 def test_a_clock_that_jumps_finds_its_chunk(stage: Stage) -> None:

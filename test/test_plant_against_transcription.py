@@ -6,6 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from skydiver_utc.body.movement import movement
 from skydiver_utc.body.posture import configuration, pattern_direction, posture_angles
 from skydiver_utc.body.segments import build_body
 from skydiver_utc.parameters import load_scenario
@@ -97,10 +98,10 @@ def test_step_equals_transcription_with_tabulated_posture(seed):
 def test_posture_table_error_bound():
     """Between its nodes the table keeps position, drag, inertia and swing entries to 2e-6 (m, m2, kg m2)."""
     row = np.empty(GEOMETRY_SIZE)
-    neutral, direction = posture_angles(SCENARIO.posture), pattern_direction(SCENARIO.pattern)
+    moves = movement(SCENARIO.posture, SCENARIO.pattern)
     for alpha in np.linspace(*SCENARIO.plant.limits.alpha, 257):
         posture_geometry(MODEL, alpha, row)
-        np.testing.assert_allclose(row, posture_row(BODY, neutral, direction, alpha), atol=2e-6)
+        np.testing.assert_allclose(row, posture_row(BODY, moves, alpha), atol=2e-6)
 
 
 def vacuum(model):

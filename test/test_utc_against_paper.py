@@ -243,7 +243,7 @@ def test_initial_covariance_is_the_printed_one():
 
 def test_pose_controller_equals_eq_lim():
     rng = np.random.default_rng(0)
-    controller = PoseController(PoseControllerParameters(), PAPER_LIMITS, np.array(paper.U_INITIAL))
+    controller = PoseController(PoseControllerParameters(), PAPER_LIMITS, np.array(paper.U_INITIAL), 12)
     previous = 0.0
     for _ in range(500):
         state = np.zeros(13)

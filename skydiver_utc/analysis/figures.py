@@ -1,6 +1,8 @@
 """The picture of one flight: what was asked for, what came of it, and what the controls did."""
 
 import textwrap
+from collections.abc import Callable
+from functools import partial
 from io import BytesIO
 from typing import Any
 
@@ -11,7 +13,15 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from skydiver_utc.analysis.metrics import CONVERGED_SHARE, SETTLING_S, first_step_from, metrics
+from skydiver_utc.analysis.metrics import (
+    CONVERGED_SHARE,
+    SETTLING_S,
+    angle_turned_deg,
+    first_step_from,
+    metrics,
+    tracking_error_deg_s,
+)
+from skydiver_utc.parameters import ConstantReference, RotationReference, SineReference
 from skydiver_utc.simulation.flight import Flight
 from skydiver_utc.simulation.outcome import Outcome
 
@@ -25,6 +35,9 @@ _CONTROLS = (
     ("left hand\n$k_{left}$ [1]", PURPLE),
     ("pattern angle\n$\\alpha$ [rad]", BLUE),
 )
+# Label of the body rate that is drawn, by what the reference is for.
+_PITCH_RATE = "pitch rate [deg/s]\nhead down positive"
+_RATES = {"yaw_rate": "yaw rate [deg/s]\nleft turn positive", "pitch_rate": _PITCH_RATE, "alpha": _PITCH_RATE}
 _STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9.5,
@@ -49,7 +62,7 @@ _STYLE: dict[Any, Any] = {
 
 
 def tracking_figure(flight: Flight) -> Figure:
-    """Yaw rate against its reference, the error, and the four controls inside their limits.
+    """Tracked body rate, its error, the angle turned where one is asked for, and the four controls in their limits.
 
     8 by 10.4 inches; `png` makes it 1200 pixels wide.
     """
@@ -58,16 +71,24 @@ def tracking_figure(flight: Flight) -> Figure:
         matplotlib.rcParams.update(_STYLE)
         figure = Figure(figsize=(8.0, 10.4))
         FigureCanvasAgg(figure)
-        rows = figure.subplots(
-            6, 1, sharex=True, gridspec_kw={"height_ratios": [3.2, 1.6, 1, 1, 1, 1], "hspace": 0.19}
-        )
         values = metrics(flight)
+        panels: list[tuple[float, Callable[[Axes], None]]] = [(3.2, lambda axes: _draw_rate(axes, flight))]
+        error = tracking_error_deg_s(flight)
+        if error is not None:
+            converged = values["convergence_time_s"]
+            panels.append((1.6, lambda axes: _draw_error(axes, flight, error, converged)))
+        if not isinstance(flight.scenario.reference, SineReference | ConstantReference):
+            panels.append((1.6, lambda axes: _draw_angle(axes, flight)))
+        controls = len(panels)
+        panels += [(1.0, partial(_draw_control, flight=flight, j=j)) for j in range(len(_CONTROLS))]
+        heights = [height for height, _ in panels]
+        rows = figure.subplots(
+            len(panels), 1, sharex=True, gridspec_kw={"height_ratios": heights, "hspace": 0.19}
+        )
         _draw_title(figure, flight, values)
-        _draw_yaw_rate(rows[0], flight)
-        _draw_error(rows[1], flight, values["convergence_time_s"])
-        for j, axes in enumerate(rows[2:]):
-            _draw_control(axes, flight, j)
-        rows[2].legend(loc="lower right", bbox_to_anchor=(1.0, 0.96), ncols=2, borderaxespad=0.0)
+        for axes, (_, draw) in zip(rows, panels, strict=True):
+            draw(axes)
+        rows[controls].legend(loc="lower right", bbox_to_anchor=(1.0, 0.96), ncols=2, borderaxespad=0.0)
         rows[-1].set_xlabel("time [s]")
         rows[-1].set_xlim(0.0, max(float(flight.time_s[-1]), flight.scenario.dt_s))
         for axes in rows:
@@ -101,19 +122,39 @@ def _draw_title(figure: Figure, flight: Flight, values: dict[str, Any]) -> None:
         figure.text(0.02, 0.941, reason, va="top", fontsize=8.5, color=VERMILLION)
 
 
-def _draw_yaw_rate(axes: Axes, flight: Flight) -> None:
-    asked, flown = np.rad2deg(flight.reference), np.rad2deg(flight.yaw_rate)
-    axes.plot(flight.time_s, asked, color=ORANGE, linewidth=4.5, alpha=0.75, label="reference")
+def _draw_rate(axes: Axes, flight: Flight) -> None:
+    """The tracked rate over its reference; the pitch rate alone where the reference is for the pattern angle."""
+    flown = np.rad2deg(flight.pitch_rate if flight.tracked is None else flight.tracked)
+    reach = max(_largest(flown), 1.0)
+    if flight.tracked is not None:
+        asked = np.rad2deg(flight.reference)
+        axes.plot(flight.time_s, asked, color=ORANGE, linewidth=4.5, alpha=0.75, label="reference")
+        reach = min(max(reach, _largest(asked)), _room(flight))
     axes.plot(flight.time_s, flown, color=BLUE, linewidth=1.3, label="flown")
-    reach = min(max(_largest(asked), _largest(flown), 1.0), _room(flight))
     axes.set_ylim(-1.12 * reach, 1.12 * reach)
-    axes.set_ylabel("yaw rate [deg/s]\nleft turn positive")
+    axes.set_ylabel(_RATES[flight.scenario.reference.signal])
     _shade_settling(axes, flight)
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.0)
 
 
-def _draw_error(axes: Axes, flight: Flight, convergence_time_s: float | None) -> None:
-    error = np.rad2deg(flight.yaw_rate - flight.reference)
+def _draw_angle(axes: Axes, flight: Flight) -> None:
+    """The angle turned, with the one asked for and how far the end is from it."""
+    reference = flight.scenario.reference
+    turned = angle_turned_deg(flight)
+    if isinstance(reference, RotationReference):
+        wanted = reference.angle_deg
+        axes.axhline(wanted, color=ORANGE, linewidth=4.5, alpha=0.75)
+        axes.text(
+            0.995, 0.5, f"ends {turned[-1] - wanted:+.1f} deg from the {wanted:g} deg asked for",
+            transform=axes.transAxes, ha="right", va="center", fontsize=8.0, color=GREY, bbox=_PLATE, zorder=5,
+        )  # fmt: skip
+    axes.plot(flight.time_s, turned, color=BLUE, linewidth=1.3)
+    axes.set_ylabel(f"{'heading' if reference.signal == 'yaw_rate' else 'pitch'}\nturned [deg]")
+
+
+def _draw_error(
+    axes: Axes, flight: Flight, error: NDArray[np.float64], convergence_time_s: float | None
+) -> None:
     band = CONVERGED_SHARE * flight.scenario.reference.amplitude_or_level_deg_s
     start = first_step_from(SETTLING_S, flight.scenario)
     settled = error[start:] if start < len(error) else error

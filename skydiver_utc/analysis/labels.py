@@ -7,6 +7,10 @@ _ROWS = (
     ("max_abs_error_deg_s", "largest error from 2 s on", "deg/s", ".2f"),
     ("convergence_time_s", "inside 5 % for good from", "s", ".2f"),
     ("peak_yaw_rate_deg_s", "peak yaw rate from 2 s on", "deg/s", ".1f"),
+    ("angle_error_deg", "angle turned less wanted", "deg", ".1f"),
+    ("overshoot_deg", "overshoot", "deg", ".1f"),
+    ("facing", "at the end", "", ""),
+    ("facing_since_s", "so since", "s", ".2f"),
     ("control_effort", "control effort", "", ".4f"),
     ("min_dorsal_axis", "lowest dorsal axis", "", ".3f"),
     ("solve_time_us.median", "controller call, median", "us", ".1f"),
@@ -14,6 +18,7 @@ _ROWS = (
     ("simulated_time_s", "simulated time", "s", ".2f"),
     ("wall_time_s", "wall time", "s", ".2f"),
 )
+_OF_ROTATION = ("angle_error_deg", "overshoot_deg")
 
 
 class Row(NamedTuple):
@@ -25,15 +30,20 @@ class Row(NamedTuple):
 
 
 def rows(values: dict[str, Any]) -> list[Row]:
-    """The numbers among the metrics, in the order of a table."""
-    return [Row(label, _text(_value(values, name), form), unit) for name, label, unit, form in _ROWS]
+    """The metrics in the order of a table; those of a rotation only for a reference that asks for one."""
+    found = [(name, label, _value(values, name), unit, form) for name, label, unit, form in _ROWS]
+    return [
+        Row(label, _text(value, form), unit)
+        for name, label, value, unit, form in found
+        if value is not None or name not in _OF_ROTATION
+    ]
 
 
-def _value(values: dict[str, Any], name: str) -> float | None:
+def _value(values: dict[str, Any], name: str) -> float | str | None:
     first, _, rest = name.partition(".")
-    value: float | None = values[first][rest] if rest else values[first]
+    value: float | str | None = values[first][rest] if rest else values[first]
     return value
 
 
-def _text(value: float | None, form: str) -> str:
+def _text(value: float | str | None, form: str) -> str:
     return "-" if value is None else format(value, form)

@@ -7,13 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.parameters import Scenario
+from skydiver_utc.parameters import RotationReference, Scenario
 from skydiver_utc.simulation.flight import Flight
-from skydiver_utc.simulation.outcome import Outcome, dorsal_axis_height
+from skydiver_utc.simulation.outcome import Outcome, dorsal_axis_height, world_up
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 SETTLING_S = 2.0
 CONVERGED_SHARE = 0.05
+# Height of the dorsal axis from which on a body faces the earth with one side: 45 deg from the vertical.
+_FACING = math.sqrt(0.5)
 FLOWN_TO_ITS_END = (Outcome.COMPLETED, Outcome.ROLLED_OVER)
 
 Floats = NDArray[np.float64]
@@ -23,7 +25,8 @@ def metrics(flight: Flight) -> dict[str, Any]:
     """Metrics of a flight, in the order in which they are printed; what is not defined is None.
 
     rmse_deg_s, max_abs_error_deg_s, peak_yaw_rate_deg_s
-        of the yaw rate, over the states from 2 s on; None for a shorter or a diverged flight.
+        of the tracked body rate (and of the yaw rate), over the states from 2 s on; None for a shorter or a
+        diverged flight, errors also for a reference that is for the pattern angle.
     convergence_time_s
         the first time from which on the error stays within 5 % of the reference's amplitude to the end; None
         if there is none, for a reference whose amplitude is zero (5 % of nothing is no band) and for a flight
@@ -34,6 +37,12 @@ def metrics(flight: Flight) -> dict[str, Any]:
         scenario's initial control.
     solve_time_us
         median and 99th percentile of one controller call.
+    angle_error_deg, overshoot_deg
+        of a reference that rotates by an angle: angle turned at the end less the angle wanted, and how far the
+        angle turned ever went beyond the wanted one; None for other references.
+    facing, facing_since_s
+        which side faces the earth at the end of a flight, and since when the dorsal axis has stayed within 45
+        deg of the vertical for that; facing is "neither" where it is not.
     min_dorsal_axis
         lowest height of the dorsal axis: 1 belly to earth, 0 on the side, -1 on the back.
     """
@@ -41,23 +50,28 @@ def metrics(flight: Flight) -> dict[str, Any]:
     steps = len(flight.states) - 1
     to_its_end = flight.outcome in FLOWN_TO_ITS_END
     yaw_rate = np.rad2deg(flight.yaw_rate)
-    error = yaw_rate - np.rad2deg(flight.reference)
-    settled = slice(first_step_from(SETTLING_S, scenario), len(error))
+    error = tracking_error_deg_s(flight)
+    settled = slice(first_step_from(SETTLING_S, scenario), len(yaw_rate))
     if flight.outcome is Outcome.DIVERGED:
-        settled = slice(len(error), len(error))
+        settled = slice(len(yaw_rate), len(yaw_rate))
+    turned = angle_turned_deg(flight)
+    facing, facing_since_s = faces(flight)
     return {
         "schema_version": SCHEMA_VERSION,
         "scenario": scenario.name,
         "outcome": flight.outcome.value,
         "reason": flight.reason,
-        "rmse_deg_s": _finite(root_mean_square(error[settled])),
-        "max_abs_error_deg_s": _finite(_largest(error[settled])),
-        "convergence_time_s": convergence_time(error, scenario) if to_its_end else None,
+        "rmse_deg_s": None if error is None else _finite(root_mean_square(error[settled])),
+        "max_abs_error_deg_s": None if error is None else _finite(_largest(error[settled])),
+        "convergence_time_s": None if error is None or not to_its_end else convergence_time(error, scenario),
         "peak_yaw_rate_deg_s": _finite(_largest(yaw_rate[settled])),
+        **_of_rotation(turned, scenario),
         "control_effort": _finite(control_effort(flight.applied, scenario)),
         "solve_time_us": solve_time_us(flight.solve_time_s),
         "wall_time_s": _finite(flight.wall_time_s),
         "simulated_time_s": steps * scenario.dt_ns / 1e9,
+        "facing": facing,
+        "facing_since_s": facing_since_s,
         "min_dorsal_axis": _finite(float(np.min(dorsal_axis_height(flight.states)))),
     }
 
@@ -65,6 +79,52 @@ def metrics(flight: Flight) -> dict[str, Any]:
 def to_json(values: dict[str, Any]) -> str:
     """Metrics as JSON text; raises ValueError rather than write a NaN."""
     return json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False)
+
+
+def tracking_error_deg_s(flight: Flight) -> Floats | None:
+    """Tracked body rate less its reference (K+1,) [deg/s]; None where the reference is for the pattern angle."""
+    return None if flight.tracked is None else np.rad2deg(flight.tracked - flight.reference)
+
+
+def angle_turned_deg(flight: Flight) -> Floats:
+    """Angle (K+1,) [deg] turned since the start about the vertical (a yaw rate's reference) or in pitch.
+
+    A heading is that of the body's long axis. A pitch is that of the world's up direction in the body's plane of
+    symmetry, so that it passes head down without a jump.
+    """
+    if flight.scenario.reference.signal == "yaw_rate":
+        x, y, z, w = np.moveaxis(flight.states[:, 3:7], -1, 0)
+        angle = np.arctan2(2 * (x * y + z * w), 1 - 2 * (y * y + z * z))
+    else:
+        up = world_up(flight.states)
+        angle = np.arctan2(-up[:, 0], up[:, 2])
+    turned: Floats = np.rad2deg(np.unwrap(angle))
+    turned -= turned[0]
+    return turned
+
+
+def faces(flight: Flight) -> tuple[str, float | None]:
+    """Which side faces the earth at the end, and since when [s] without a break."""
+    height = dorsal_axis_height(flight.states)
+    belly, back = height > _FACING, height < -_FACING
+    for side, name in ((belly, "belly to earth"), (back, "back to earth")):
+        if side[-1]:
+            others = np.flatnonzero(~side)
+            first = int(others[-1]) + 1 if len(others) else 0
+            return name, first * flight.scenario.dt_ns / 1e9
+    return "neither", None
+
+
+def _of_rotation(turned: Floats, scenario: Scenario) -> dict[str, float | None]:
+    reference = scenario.reference
+    if not isinstance(reference, RotationReference):
+        return {"angle_error_deg": None, "overshoot_deg": None}
+    wanted = reference.angle_deg
+    beyond = float(np.max(np.sign(wanted) * (turned - wanted)))
+    return {
+        "angle_error_deg": _finite(float(turned[-1] - wanted)),
+        "overshoot_deg": _finite(max(beyond, 0.0)),
+    }
 
 
 def first_step_from(time_s: float, scenario: Scenario) -> int:

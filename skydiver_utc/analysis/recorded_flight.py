@@ -151,7 +151,10 @@ class _RecordedFlight:
 
     def _reference(self) -> _Rows:
         """The setpoints; a step without one is taken from the previews."""
-        rows = self._rows("reference/setpoint", 1, lambda message: (message.twist.angular.z,))
+        signal = self._scenario.reference.signal
+        axis = {"yaw_rate": "z", "pitch_rate": "y"}.get(signal, "")
+        field = "velocities" if axis else "positions"
+        rows = self._rows("reference/setpoint", 1, lambda message: (getattr(message.twist.angular, axis),))
         if rows.present.all():
             return rows
         for message in self._messages("reference"):
@@ -159,7 +162,7 @@ class _RecordedFlight:
             points = message.points[: self._scenario.steps + 1 - first]
             for k, point in enumerate(points, first):
                 if not rows.present[k]:
-                    rows.values[k] = point.velocities[0]
+                    rows.values[k] = getattr(point, field)[0]
                     rows.present[k] = True
         return rows
 

@@ -36,7 +36,7 @@ pre { background: #f4f4f4; padding: 1rem; overflow-x: auto; font-size: .85rem }
 $metrics
 </table>
 <img src="data:image/png;base64,$png"
-     alt="yaw rate and reference, tracking error and the four controls over time">
+     alt="body rate and reference, tracking error and the four controls over time">
 <details><summary>Scenario, resolved</summary>
 <pre>$scenario</pre>
 </details>

@@ -82,21 +82,8 @@ def joint_ranges(limits: JointLimits) -> tuple[Array, Array]:
     return lower, upper
 
 
-def check_joint_ranges(
-    limits: JointLimits, posture: Posture, pattern: MovementPattern, alphas: tuple[float, float]
-) -> None:
-    """Refuse a posture that a body cannot take, alone or with the pattern at the smallest or largest alpha [rad].
-
-    Raises `ParameterError`; in between the angles are between those at the ends.
-    """
-    neutral, direction = posture_angles(posture), pattern_direction(pattern)
-    _refuse_beyond(limits, neutral, f"posture {posture.name}")
-    for alpha in alphas:
-        what = f"posture {posture.name} with pattern {pattern.name} at alpha = {alpha:g}"
-        _refuse_beyond(limits, neutral + alpha * direction, what)
-
-
-def _refuse_beyond(limits: JointLimits, angles: Array, what: str) -> None:
+def refuse_beyond(limits: JointLimits, angles: Array, what: str) -> None:
+    """Refuse joint angles (15, 3) [rad] that a body cannot take; `what` begins the sentence of `ParameterError`."""
     lower, upper = joint_ranges(limits)
     beyond = np.maximum(lower - angles, angles - upper)
     row, column = divmod(int(beyond.argmax()), len(ANGLES))

@@ -1,4 +1,4 @@
-"""The pose controller: proportional on the yaw rate with feed-forward (eq:lim)."""
+"""The pose controller: proportional on the tracked body rate with feed-forward (eq:lim)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,16 @@ Array = NDArray[np.float64]
 
 
 class PoseController:
-    """Moves the turning pattern's angle; yaw damping is constant and the hands rest."""
+    """Moves the pattern angle for the rate at `tracked` in the state; yaw damping is constant, the hands rest."""
 
     preview_steps = 0
-    telemetry_names: tuple[str, ...] = ("yaw_rate_error", "alpha_unlimited")
+    telemetry_names: tuple[str, ...] = ("rate_error", "alpha_unlimited")
 
-    def __init__(self, parameters: PoseControllerParameters, limits: ControlLimits, initial: Array) -> None:
+    def __init__(
+        self, parameters: PoseControllerParameters, limits: ControlLimits, initial: Array, tracked: int
+    ) -> None:
         self._parameters = parameters
+        self._tracked = tracked
         self._limits = limits
         self._initial = initial
         self.reset()
@@ -28,7 +31,7 @@ class PoseController:
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """u = K_p (yr_ref - yr_real) + K_FF yr_ref, bounded and slewed."""
-        error = preview[0] - state[12]
+        error = preview[0] - state[self._tracked]
         alpha = self._parameters.K_p * error + self._parameters.K_FF * preview[0]
         wanted = np.array([self._parameters.Cm_damp_yaw, 0.0, 0.0, alpha])
         control = self._limits.apply(wanted, self._previous)

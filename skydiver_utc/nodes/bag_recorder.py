@@ -18,6 +18,7 @@ from std_msgs.msg import String
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
+from skydiver_utc.nodes.messages import SETPOINT_AXES
 from skydiver_utc.nodes.scenario_node import ScenarioNode
 from skydiver_utc.nodes.topics import RECORDED, Topic, rosbag2_qos
 from skydiver_utc.nodes.versions import versions
@@ -130,6 +131,7 @@ class RecorderNode(ScenarioNode):
             topic: self._flight_states - topic.fewer_than_states
             for topic in self._channels
             if topic.fewer_than_states is not None
+            and (topic is not topics.SETPOINT or self.scenario.reference.signal in SETPOINT_AXES)
         }
         counts = {topic: channel.count for topic, channel in self._channels.items()}
         return [

@@ -47,7 +47,7 @@ class ControllerNode(ScenarioNode):
     def on_reference(self, message: Any) -> None:
         """Keep a chunk of the reference; answer the state that waited for it."""
         try:
-            self._preview.add(*read_preview(message, self.grid))
+            self._preview.add(*read_preview(message, self.grid, self.scenario.reference.signal))
         except BorderError as error:
             self.refusals.add(topics.REFERENCE_PREVIEW.name, error)
             return

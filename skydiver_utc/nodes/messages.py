@@ -6,7 +6,7 @@ A reader returns arrays or raises `BorderError` with one sentence.
 """
 
 import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,12 +18,15 @@ from sensor_msgs.msg import JointState
 
 from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.stamps import StepGrid
+from skydiver_utc.parameters import Signal
 
 Vector = NDArray[np.float64]
 
 WORLD_FRAME = "world"
 BODY_FRAME = "body"
 
+# The component of a setpoint's angular velocity that holds a body rate; the pattern angle has no setpoint.
+SETPOINT_AXES: Mapping[Signal, str] = {"pitch_rate": "y", "yaw_rate": "z"}
 _STATE_NAMES = ("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "wx", "wy", "wz")
 # A unit quaternion after integration differs from length 1 by rounding only.
 _QUATERNION_TOLERANCE = 1e-6
@@ -102,17 +105,18 @@ def read_named_values(message: Any, names: Sequence[str]) -> Vector:
 
 
 class SetpointWriter:
-    """The yaw rate now, rad/s, into a geometry_msgs/TwistStamped."""
+    """The body rate wanted now, rad/s, into a geometry_msgs/TwistStamped."""
 
-    def __init__(self, grid: StepGrid) -> None:
+    def __init__(self, grid: StepGrid, signal: Signal) -> None:
         self._grid = grid
+        self._axis = SETPOINT_AXES[signal]
         self._message = TwistStamped()
         self._message.header.frame_id = BODY_FRAME
 
-    def fill(self, k: int, yaw_rate: float) -> Any:
+    def fill(self, k: int, rate: float) -> Any:
         """The message of step k."""
         self._grid.set_stamp(self._message.header.stamp, k)
-        self._message.twist.angular.z = float(yaw_rate)
+        setattr(self._message.twist.angular, self._axis, float(rate))
         return self._message
 
 

@@ -9,47 +9,54 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.stamps import NANOSECONDS, StepGrid
+from skydiver_utc.parameters import Signal
 
-JOINT = "yaw_rate"
+
+def _field(signal: Signal) -> str:
+    """Which of a point's lists holds the signal: a rate is a velocity, the pattern angle a position."""
+    return "positions" if signal == "alpha" else "velocities"
 
 
 class PreviewWriter:
-    """Yaw rates of consecutive steps into one reused trajectory_msgs/JointTrajectory."""
+    """A signal at consecutive steps into one reused trajectory_msgs/JointTrajectory."""
 
-    def __init__(self, grid: StepGrid, count: int) -> None:
+    def __init__(self, grid: StepGrid, signal: Signal, count: int) -> None:
         self._grid = grid
-        self._message = JointTrajectory(joint_names=[JOINT])
+        self._field = _field(signal)
+        self._message = JointTrajectory(joint_names=[signal])
         self._message.points = [self._point(i) for i in range(count)]
 
     def _point(self, i: int) -> Any:
-        point = JointTrajectoryPoint(velocities=array.array("d", [0.0]))
+        point = JointTrajectoryPoint(**{self._field: array.array("d", [0.0])})
         self._grid.set_duration(point.time_from_start, i)
         return point
 
     def fill(self, k0: int, values: NDArray[np.float64]) -> Any:
-        """The message of values (count,), rad/s, at steps k0, k0 + 1, ..."""
+        """The message of values (count,), rad/s or rad, at steps k0, k0 + 1, ..."""
         self._grid.set_stamp(self._message.header.stamp, k0)
         for point, value in zip(self._message.points, values.tolist(), strict=True):
-            point.velocities[0] = value
+            getattr(point, self._field)[0] = value
         return self._message
 
 
-def read_preview(message: Any, grid: StepGrid) -> tuple[int, NDArray[np.float64]]:
-    """First step k0 and yaw rates (count,), rad/s, of a chunk; raises `BorderError`."""
-    if list(message.joint_names) != [JOINT]:
-        raise BorderError("names", f"it names {list(message.joint_names)}: the reference names [{JOINT!r}]")
+def read_preview(message: Any, grid: StepGrid, signal: Signal) -> tuple[int, NDArray[np.float64]]:
+    """First step k0 and values (count,), rad/s or rad, of a chunk; raises `BorderError`."""
+    field = _field(signal)
+    if list(message.joint_names) != [signal]:
+        raise BorderError("names", f"it names {list(message.joint_names)}: the reference names [{signal!r}]")
     k0 = grid.step_of(message.header.stamp)
     points = message.points
     if not points:
         raise BorderError("size", "it has no points: give one a step")
     values = np.empty(len(points))
     for i, point in enumerate(points):
-        if len(point.velocities) != 1:
-            raise BorderError("size", f"its point {i} has {len(point.velocities)} velocities: give one")
+        given = getattr(point, field)
+        if len(given) != 1:
+            raise BorderError("size", f"its point {i} has {len(given)} {field}: give one")
         after = point.time_from_start
         if after.sec * NANOSECONDS + after.nanosec != i * grid.dt_ns:
             raise BorderError("stamp", f"its point {i} is not {i} steps of {grid.dt_ns} ns after its stamp")
-        values[i] = point.velocities[0]
+        values[i] = given[0]
     if not np.isfinite(values).all():
         i = int(np.argmin(np.isfinite(values)))
         raise BorderError("finite", f"its point {i} is {values[i]}: every value must be finite")

@@ -1,4 +1,4 @@
-"""The reference as a node: previews in chunks on the global grid of steps, and the value now for plots."""
+"""The reference as a node: previews in chunks on the global grid of steps, and the body rate now for plots."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,7 +7,7 @@ from rclpy.context import Context
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
-from skydiver_utc.nodes.messages import SetpointWriter
+from skydiver_utc.nodes.messages import SETPOINT_AXES, SetpointWriter
 from skydiver_utc.nodes.preview import PreviewWriter
 from skydiver_utc.nodes.scenario_node import ScenarioNode
 from skydiver_utc.simulation.build import build_reference
@@ -28,10 +28,12 @@ class ReferenceNode(ScenarioNode):
         self._chunk_steps: int = self.own["chunk_steps"]
         self._count: int = self.scenario.preview_steps + 2 * self._chunk_steps + 1
         self._chunk = -1
-        self._write_preview = PreviewWriter(self.grid, self._count).fill
-        self._write_setpoint = SetpointWriter(self.grid).fill
+        self._write_preview = PreviewWriter(self.grid, self._reference.signal, self._count).fill
         self._previews = self.advertise(topics.REFERENCE_PREVIEW)
         self._setpoints = self.advertise(topics.SETPOINT)
+        self._has_setpoint = self._reference.signal in SETPOINT_AXES
+        if self._has_setpoint:
+            self._write_setpoint = SetpointWriter(self.grid, self._reference.signal).fill
         self._clock_listener = self.listen(topics.CLOCK, self.on_clock)
         self._startup = self.every(_STARTUP_POLL_S, self._begin_when_heard)
 
@@ -43,7 +45,8 @@ class ReferenceNode(ScenarioNode):
             self.refusals.add(topics.CLOCK.name, error)
             return
         self._publish_chunk(k // self._chunk_steps)
-        self._setpoints.publish(self._write_setpoint(k, self._reference.value(k)))
+        if self._has_setpoint:
+            self._setpoints.publish(self._write_setpoint(k, self._reference.value(k)))
 
     def _begin_when_heard(self) -> None:
         """The first chunk lets the controller begin: it waits until this node hears and is heard."""

@@ -7,14 +7,21 @@ checks types, bounds and unknown keys, and returns immutable objects.
 from skydiver_utc.parameters.body import (
     JointLimits,
     JointRange,
+    Keyframe,
     MovementPattern,
+    Pattern,
     Posture,
+    PosturePath,
     SegmentData,
     SegmentTable,
     Subject,
     Suit,
 )
-from skydiver_utc.parameters.controller import PoseControllerParameters, UtcParameters
+from skydiver_utc.parameters.controller import (
+    OpenLoopParameters,
+    PoseControllerParameters,
+    UtcParameters,
+)
 from skydiver_utc.parameters.leaves import Leaf, leaves
 from skydiver_utc.parameters.loading import load_scenario, scenario_names, to_yaml
 from skydiver_utc.parameters.plant import (
@@ -26,7 +33,13 @@ from skydiver_utc.parameters.plant import (
     Limits,
     PlantParameters,
 )
-from skydiver_utc.parameters.reference import ConstantReference, SineReference
+from skydiver_utc.parameters.reference import (
+    ConstantReference,
+    PostureReference,
+    RotationReference,
+    Signal,
+    SineReference,
+)
 from skydiver_utc.parameters.scenario import Scenario
 from skydiver_utc.parameters.yaml_io import ParameterError
 
@@ -38,17 +51,24 @@ __all__ = [
     "InitialCondition",
     "JointLimits",
     "JointRange",
+    "Keyframe",
     "Leaf",
     "Limbs",
     "Limits",
     "MovementPattern",
+    "OpenLoopParameters",
     "ParameterError",
+    "Pattern",
     "PlantParameters",
     "PoseControllerParameters",
     "Posture",
+    "PosturePath",
+    "PostureReference",
+    "RotationReference",
     "Scenario",
     "SegmentData",
     "SegmentTable",
+    "Signal",
     "SineReference",
     "Subject",
     "Suit",

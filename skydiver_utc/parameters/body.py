@@ -1,5 +1,6 @@
 """Parameters of the body that falls: segments, suit, ranges of motion, subject, posture, movement pattern."""
 
+from itertools import pairwise
 from typing import Annotated
 
 from skydiver_utc.parameters.fields import Parameters, quantity
@@ -8,6 +9,8 @@ Fraction = Annotated[float, quantity("1", "share of the whole", gt=0, lt=1)]
 Millimetres = Annotated[float, quantity("mm", "length at the reference height", gt=0, le=1000)]
 Area = Annotated[float, quantity("m2", "drag area (drag coefficient times area)", ge=0, le=1)]
 AngleDeg = Annotated[float, quantity("deg", "joint angle", ge=-180, le=180)]
+# Wider, and the table of the posture over alpha would lose its tested accuracy.
+PatternAngle = Annotated[float, quantity("rad", "pattern angle", ge=-2, le=2)]
 Component = Annotated[float, quantity("rad/rad", "joint angle per unit of pattern angle", ge=-1, le=1)]
 
 
@@ -83,16 +86,16 @@ class Subject(Parameters, frozen=True):
     joint_limits: JointLimits
 
 
-class Posture(Parameters, frozen=True):
+class Posture(Parameters, frozen=True, kw_only=True):
     """Joint angles in degrees: flexion, abduction, internal rotation; a joint left out is at zero."""
 
     name: str
-    description: str
-    source: str
+    description: str = ""
+    source: str = ""
     joint_angles_deg: dict[str, tuple[AngleDeg, AngleDeg, AngleDeg]]
 
 
-class MovementPattern(Parameters, frozen=True):
+class MovementPattern(Parameters, frozen=True, tag_field="kind", tag="direction"):
     """Direction in joint space, of unit norm, that one pattern angle moves along."""
 
     name: str
@@ -104,3 +107,31 @@ class MovementPattern(Parameters, frozen=True):
         norm = sum(c * c for row in self.components.values() for c in row) ** 0.5
         if abs(norm - 1.0) > 1e-6:
             raise ValueError(f"the movement pattern {self.name} must have unit norm, it has {norm:.6f}")
+
+
+class Keyframe(Parameters, frozen=True):
+    """A posture that a path goes through, and the pattern angle at which it does."""
+
+    alpha: PatternAngle
+    posture: Posture
+
+
+class PosturePath(Parameters, frozen=True, tag_field="kind", tag="path"):
+    """Postures in joint space that one pattern angle moves through, in the order of growing alpha."""
+
+    name: str
+    description: str
+    source: str
+    keyframes: tuple[Keyframe, ...]
+
+    def __post_init__(self) -> None:
+        alphas = [keyframe.alpha for keyframe in self.keyframes]
+        if len(alphas) < 2:
+            raise ValueError(f"the path {self.name} has {len(alphas)} keyframes: give at least two")
+        if any(after <= before for before, after in pairwise(alphas)):
+            raise ValueError(
+                f"the keyframes of path {self.name} must be in the order of growing alpha: sort them"
+            )
+
+
+Pattern = MovementPattern | PosturePath

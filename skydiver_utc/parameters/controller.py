@@ -21,6 +21,16 @@ class PoseControllerParameters(Parameters, frozen=True, tag_field="kind", tag="p
         return 0
 
 
+class OpenLoopParameters(Parameters, frozen=True, tag_field="kind", tag="open_loop"):
+    """No feedback: the reference is the pattern angle."""
+
+    Cm_damp_yaw: Annotated[float, quantity("1", "constant yaw damping coefficient", ge=0, le=50)] = 0.5
+
+    def preview_steps(self, dt_s: float) -> int:
+        """Steps of the reference beyond the present that the controller needs."""
+        return 0
+
+
 class UtcParameters(Parameters, frozen=True, tag_field="kind", tag="utc"):
     """The Unscented Transform Controller, section 3 of the paper.
 
@@ -71,6 +81,15 @@ class UtcParameters(Parameters, frozen=True, tag_field="kind", tag="utc"):
     K_p: Gain = 1.5
     K_FF: Gain = 0.1
     tau_s: Annotated[float, quantity("s", "look-ahead of the feed-forward", ge=0, le=10)] = 0.0
+    alpha_at_rest: (
+        Annotated[
+            float,
+            quantity(
+                "rad", "pattern angle to hold once the reference has ended; null: UTC goes on", ge=-2, le=2
+            ),
+        ]
+        | None
+    ) = None
     covariance_floor: Annotated[
         float, quantity("control^2", "smallest eigenvalue kept by the repair", ge=0, le=1)
     ] = 1e-9
@@ -116,4 +135,4 @@ class UtcParameters(Parameters, frozen=True, tag_field="kind", tag="utc"):
         return max(self.horizon_steps + self.tau_steps(dt_s), self.k_hyst(dt_s) + 1)
 
 
-Controller = PoseControllerParameters | UtcParameters
+Controller = OpenLoopParameters | PoseControllerParameters | UtcParameters

@@ -1,7 +1,8 @@
 """A scenario's scalar parameters by dotted name, for ROS parameters and overrides."""
 
 from collections.abc import Iterator
-from typing import Any, Literal, NamedTuple, get_args, get_origin
+from types import NoneType, UnionType
+from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 
 import msgspec
 
@@ -34,11 +35,20 @@ def _leaves_of(parameters: Any, prefix: str) -> Iterator[Leaf]:
         name = prefix + field.name
         if isinstance(value, msgspec.Struct):
             yield from _leaves_of(value, name + ".")
-        elif not isinstance(value, dict) and name not in ("name", "title", "description"):
+        elif _is_scalar(value) and name not in ("name", "title", "description"):
             yield _leaf(name, value, field.type)
 
 
+def _is_scalar(value: Any) -> bool:
+    """True for one number, truth value or text, and for a row of numbers; not for tables and what is not set."""
+    if isinstance(value, tuple):
+        return all(isinstance(item, int | float) for item in value)
+    return isinstance(value, bool | int | float | str)
+
+
 def _leaf(name: str, value: Any, annotation: Any) -> Leaf:
+    if get_origin(annotation) in (Union, UnionType):
+        annotation = next(one for one in get_args(annotation) if one is not NoneType)
     meta = next((m for m in getattr(annotation, "__metadata__", ()) if isinstance(m, msgspec.Meta)), None)
     base = getattr(annotation, "__origin__", annotation) if meta else annotation
     kind: Kind

@@ -116,6 +116,8 @@ def _resolve_names(content: dict[str, Any]) -> dict[str, Any]:
                 known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
                 raise ParameterError(f"there is no {key} {value!r}: choose one of {known}")
             value = read_yaml(path)
+        if isinstance(value, list):
+            value = [_resolve_names(item) if isinstance(item, dict) else item for item in value]
         resolved[key] = _resolve_names(value) if isinstance(value, dict) else value
     return resolved
 

@@ -2,12 +2,11 @@
 
 from typing import Annotated
 
+from skydiver_utc.parameters.body import PatternAngle
 from skydiver_utc.parameters.fields import Parameters, quantity, text
 
 DampingLimit = Annotated[float, quantity("1", "limit of the yaw damping coefficient", ge=0, le=50)]
 HandLimit = Annotated[float, quantity("1", "limit of a hand coefficient", ge=-50, le=50)]
-# Wider, and the table of the posture over alpha would lose its tested accuracy.
-AngleLimit = Annotated[float, quantity("rad", "limit of the pattern angle", ge=-2, le=2)]
 
 
 class Air(Parameters, frozen=True):
@@ -38,7 +37,7 @@ class Limits(Parameters, frozen=True):
     Cm_damp_yaw: tuple[DampingLimit, DampingLimit]
     k_right: tuple[HandLimit, HandLimit]
     k_left: tuple[HandLimit, HandLimit]
-    alpha: tuple[AngleLimit, AngleLimit]
+    alpha: tuple[PatternAngle, PatternAngle]
     alpha_rate: Annotated[float, quantity("rad/s", "slew rate of the pattern angle", gt=0, le=100)]
 
     def __post_init__(self) -> None:

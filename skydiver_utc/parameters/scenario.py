@@ -3,9 +3,9 @@
 import math
 from typing import Annotated
 
-from skydiver_utc.parameters.body import MovementPattern, Posture, Subject
-from skydiver_utc.parameters.controller import Controller
-from skydiver_utc.parameters.fields import Parameters, quantity
+from skydiver_utc.parameters.body import Pattern, Posture, Subject
+from skydiver_utc.parameters.controller import Controller, OpenLoopParameters
+from skydiver_utc.parameters.fields import Parameters, quantity, text
 from skydiver_utc.parameters.plant import Air, InitialCondition, PlantParameters
 from skydiver_utc.parameters.reference import Reference
 
@@ -22,6 +22,9 @@ class Scenario(Parameters, frozen=True, kw_only=True):
     seed: Annotated[
         int, quantity("1", "seed of every random draw; nothing draws yet", ge=0, le=2**32 - 1)
     ] = 0
+    belly_to_earth: Annotated[bool, text("whether a dorsal axis below the horizon counts as rolled over")] = (
+        True
+    )
     air: Air
     plant: PlantParameters
     initial: InitialCondition
@@ -29,13 +32,18 @@ class Scenario(Parameters, frozen=True, kw_only=True):
     controller: Controller
     subject: Subject
     posture: Posture
-    pattern: MovementPattern
+    pattern: Pattern
 
     def __post_init__(self) -> None:
         if abs(self.dt_s * 1e9 - self.dt_ns) > 1e-3:
             raise ValueError(f"dt_s must be a whole number of nanoseconds, it is {self.dt_s}")
         if self.duration_s < self.dt_s:
             raise ValueError(f"duration_s ({self.duration_s}) must be at least one dt_s ({self.dt_s})")
+        if isinstance(self.controller, OpenLoopParameters) != (self.reference.signal == "alpha"):
+            raise ValueError(
+                "the controller open_loop and a reference of kind posture need each other:"
+                " change controller.kind or reference.kind"
+            )
         limits = self.plant.limits
         for name in ("Cm_damp_yaw", "k_right", "k_left", "alpha"):
             lower, upper = getattr(limits, name)

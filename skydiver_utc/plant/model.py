@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.body.posture import Configuration, configuration, motion, pattern_direction, posture_angles
+from skydiver_utc.body.movement import Movement, movement
+from skydiver_utc.body.posture import Configuration, configuration, motion
 from skydiver_utc.body.segments import Body, build_body
 from skydiver_utc.parameters import Scenario
 
@@ -53,8 +54,8 @@ def build_model(scenario: Scenario) -> PlantModel:
     body = build_body(scenario.subject)
     plant = scenario.plant
     alphas = np.linspace(*plant.limits.alpha, plant.pattern_nodes)
-    neutral, direction = posture_angles(scenario.posture), pattern_direction(scenario.pattern)
-    rows = [posture_row(body, neutral, direction, alpha) for alpha in alphas]
+    moves = movement(scenario.posture, scenario.pattern)
+    rows = [posture_row(body, moves, alpha) for alpha in alphas]
     return PlantModel(
         geometry=np.array(rows),
         alpha_first=float(alphas[0]),
@@ -76,11 +77,11 @@ def build_model(scenario: Scenario) -> PlantModel:
     )
 
 
-def posture_row(body: Body, neutral: Array, direction: Array, alpha: float) -> Array:
-    """The row (153,) of the geometry table at a pattern angle [rad]; neutral and direction are (15, 3)."""
-    angles = neutral + alpha * direction
+def posture_row(body: Body, moves: Movement, alpha: float) -> Array:
+    """The row (153,) of the geometry table at a pattern angle [rad]."""
+    angles = moves.angles(alpha)
     placed = configuration(body, angles)
-    return pack_geometry(body, placed, swing(body, placed, *motion(body, placed, angles, direction)))
+    return pack_geometry(body, placed, swing(body, placed, *motion(body, placed, angles, moves.slope(alpha))))
 
 
 def pack_geometry(body: Body, posture: Configuration, swing_per_rate: Array) -> Array:

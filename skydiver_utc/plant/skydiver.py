@@ -3,12 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.body.posture import (
-    check_joint_ranges,
-    joint_angle_names,
-    pattern_direction,
-    posture_angles,
-)
+from skydiver_utc.body.movement import check_movement, movement
+from skydiver_utc.body.posture import joint_angle_names
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plant.dynamics import (
     STATE_SIZE,
@@ -23,20 +19,25 @@ from skydiver_utc.plant.model import PlantModel, build_model
 Array = NDArray[np.float64]
 
 CONTROL_NAMES = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
+# Where in the state the body rates are that a reference may be for.
+RATE_AT = {"pitch_rate": 11, "yaw_rate": 12}
 
 
 class SkydiverPlant:
     """Steps a state (13,) under a control (4,); keeps no state of its own."""
 
     def __init__(self, scenario: Scenario, model: PlantModel | None = None) -> None:
-        check_joint_ranges(
-            scenario.subject.joint_limits, scenario.posture, scenario.pattern, scenario.plant.limits.alpha
+        check_movement(
+            scenario.subject.joint_limits,
+            scenario.posture,
+            scenario.pattern,
+            scenario.plant.limits.alpha,
+            scenario.initial.alpha,
         )
         self.model = build_model(scenario) if model is None else model
         self.joint_names = joint_angle_names()
         self._initial = scenario.initial
-        self._neutral = posture_angles(scenario.posture).ravel()
-        self._direction = pattern_direction(scenario.pattern).ravel()
+        self._movement = movement(scenario.posture, scenario.pattern)
         self._work = np.empty(WORK_SIZE)
 
     def initial_state(self) -> Array:
@@ -80,7 +81,7 @@ class SkydiverPlant:
 
     def joint_angles(self, alpha: float) -> Array:
         """Joint angles (45,) in rad at a pattern angle, in the order of `joint_names`."""
-        return self._neutral + alpha * self._direction
+        return self._movement.angles(alpha).ravel()
 
 
 def _quaternion(heading_deg: float, pitch_deg: float, bank_deg: float) -> Array:

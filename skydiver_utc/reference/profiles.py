@@ -1,30 +1,38 @@
-"""Yaw-rate profiles on the global grid of steps: the same number for the same step, whoever asks."""
+"""Reference profiles on the global grid of steps: the same number for the same step, whoever asks."""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.parameters import Scenario, SineReference
+from skydiver_utc.parameters import ConstantReference, RotationReference, Scenario, SineReference
 
 Array = NDArray[np.float64]
 
 
-class YawRateReference:
-    """The scenario's profile, indexed by step."""
+class ReferenceProfile:
+    """The scenario's profile, indexed by step: a body rate [rad/s] or the pattern angle [rad], as `signal` says."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._profile = scenario.reference
         self._dt_s = scenario.dt_s
+        self.signal = scenario.reference.signal
 
     def value(self, k: int) -> float:
-        """Yaw rate [rad/s] wanted at step k."""
-        profile = self._profile
+        """What is wanted at step k."""
+        profile, time_s = self._profile, k * self._dt_s
         if isinstance(profile, SineReference):
-            phase = 2.0 * math.pi * profile.frequency_hz * (k * self._dt_s)
+            phase = 2.0 * math.pi * profile.frequency_hz * time_s
             return math.radians(profile.amplitude_deg_s) * math.sin(phase)
-        return math.radians(profile.yaw_rate_deg_s)
+        if isinstance(profile, ConstantReference):
+            return math.radians(profile.yaw_rate_deg_s)
+        if isinstance(profile, RotationReference):
+            share = min(max((time_s - profile.start_s) / profile.duration_s, 0.0), 1.0)
+            mean = math.radians(profile.angle_deg) / profile.duration_s
+            return mean * (1.0 - math.cos(2.0 * math.pi * share))
+        times, alphas = zip(*profile.points, strict=True)
+        return float(np.interp(time_s, times, alphas))
 
     def preview(self, k: int, count: int) -> Array:
-        """Yaw rates (count,) [rad/s] at steps k, k+1, ...; one by one, so that chunks agree to the bit."""
+        """Values (count,) at steps k, k+1, ...; one by one, so that chunks agree to the bit."""
         return np.array([self.value(k + i) for i in range(count)])

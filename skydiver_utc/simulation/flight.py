@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.parameters import Scenario
+from skydiver_utc.plant.skydiver import RATE_AT
 from skydiver_utc.simulation.outcome import Outcome
 
 
@@ -15,7 +16,7 @@ class Flight:
 
     states (K+1, 13) position world [m], quaternion xyzw body to world, velocity body [m/s], rates body [rad/s]
     commands (K, 4) asked for by the controller; applied (K, 4) after the plant's own limits
-    reference (K+1,) yaw rate [rad/s]
+    reference (K+1,) what the scenario's reference is for: a body rate [rad/s] or the pattern angle [rad]
     telemetry (K, n) by `telemetry_names`; solve_time_s (K,) of one controller call
     """
 
@@ -40,4 +41,15 @@ class Flight:
     @property
     def yaw_rate(self) -> NDArray[np.float64]:
         """Body rate about the dorsal axis [rad/s], shape (K+1,)."""
-        return self.states[:, 12]
+        return self.states[:, RATE_AT["yaw_rate"]]
+
+    @property
+    def pitch_rate(self) -> NDArray[np.float64]:
+        """Body rate about the mediolateral axis [rad/s], head down positive, shape (K+1,)."""
+        return self.states[:, RATE_AT["pitch_rate"]]
+
+    @property
+    def tracked(self) -> NDArray[np.float64] | None:
+        """The body rate that the reference is for [rad/s], shape (K+1,); None where it is for the pattern angle."""
+        row = RATE_AT.get(self.scenario.reference.signal)
+        return None if row is None else self.states[:, row]

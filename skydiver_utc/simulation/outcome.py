@@ -23,9 +23,10 @@ class Outcome(str, Enum):
 
 
 class OutcomeMonitor:
-    """Watches the states of a belly-to-earth flight."""
+    """Watches the states of a flight; rolling over counts where the scenario is belly to earth."""
 
     def __init__(self, scenario: Scenario) -> None:
+        self._belly_to_earth = scenario.belly_to_earth
         self._dt_s = scenario.dt_s
         self.outcome = Outcome.COMPLETED
         self.reason = f"{scenario.steps} steps flown"
@@ -41,7 +42,8 @@ class OutcomeMonitor:
                 f" (speed {speed:.3g} m/s, body rate {rate:.3g} rad/s)"
             )
             return False
-        if self.outcome is Outcome.COMPLETED and dorsal_axis_height(state) < 0.0:
+        upright = not self._belly_to_earth or dorsal_axis_height(state) >= 0.0
+        if self.outcome is Outcome.COMPLETED and not upright:
             self.outcome = Outcome.ROLLED_OVER
             self.reason = f"the dorsal axis went below the horizon at {k * self._dt_s:.3f} s"
         return True
@@ -49,6 +51,12 @@ class OutcomeMonitor:
     def end(self, outcome: Outcome, reason: str) -> None:
         """The flight was ended from outside."""
         self.outcome, self.reason = outcome, reason
+
+
+def world_up(states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The world's up direction (..., 3) in body axes for states (..., 13)."""
+    x, y, z, w = np.moveaxis(states[..., 3:7], -1, 0)
+    return np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], axis=-1)
 
 
 def dorsal_axis_height(states: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -17,11 +17,12 @@ _SAVED = {"drawn": 0, "first_step": 1, "horizon": 2}
 class SkydiverPrediction:
     """The predict function of the skydiver's UTC.
 
-    Outputs at the horizon: the yaw rate, and where the parameters ask for them the roll rate and the fall rate.
+    Outputs at the horizon: the tracked body rate, and where the parameters ask for them roll rate and fall rate.
     """
 
-    def __init__(self, model: PlantModel, parameters: UtcParameters) -> None:
+    def __init__(self, model: PlantModel, parameters: UtcParameters, tracked: int) -> None:
         self._model = model
+        self._tracked = tracked
         self._steps = parameters.horizon_steps
         self._with_roll_rate = parameters.P_err_roll_rate > 0.0
         self._with_fall_rate = parameters.P_err_fall_rate > 0.0
@@ -34,20 +35,20 @@ class SkydiverPrediction:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the yaw rate measured last."""
+        """Forget the rate measured last."""
         self._measured_before: float | None = None
 
     def __call__(
         self, state: Array, applied: Array, points: Array, preview: Array, outputs: Array, saved: Array
     ) -> None:
         """See `skydiver_utc.control.utc.Predict`; preview starts at the step of `state`."""
-        rate = float(state[12])
+        rate = float(state[self._tracked])
         rate_before = rate if self._measured_before is None else self._measured_before
         if self._measured:
             self._measured_before = rate
         propagate(
             self._model, state, applied, points, preview, rate_before, self._steps, self._tau,
-            self._dynamics, self._saved, self._gains, self._with_roll_rate, self._with_fall_rate,
+            self._dynamics, self._saved, self._gains, self._tracked, self._with_roll_rate, self._with_fall_rate,
             outputs, saved, self._work,
         )  # fmt: skip
 
@@ -74,6 +75,7 @@ def propagate(
     dynamics: int,
     save: int,
     gains: tuple[float, float],
+    tracked: int,
     with_roll_rate: bool,
     with_fall_rate: bool,
     outputs: Array,
@@ -82,9 +84,9 @@ def propagate(
 ) -> None:
     """Drive the plant with each sigma point (2m+1, 4) over the horizon.
 
-    On [t_k+j, t_k+j+1) the dynamics of alpha take the reference at k+j+1 and the yaw rate at k+j, the newest that
-    is known when the control is set; `first_rate_before` stands for the yaw rate at k-1 [rad/s].
-    Writes yaw rate, roll rate [rad/s] and fall rate [m/s] at the horizon to outputs (2m+1, l) and U^i to
+    On [t_k+j, t_k+j+1) the dynamics of alpha take the reference at k+j+1 and the tracked rate at k+j, the newest
+    that is known when the control is set; `first_rate_before` stands for the tracked rate at k-1 [rad/s].
+    Writes the tracked rate, roll rate [rad/s] and fall rate [m/s] at the horizon to outputs (2m+1, l) and U^i to
     saved (2m+1, 4).
     """
     K_p, K_FF = gains
@@ -108,19 +110,19 @@ def propagate(
                 wanted[3] = (
                     own
                     + K_p * (preview[j + 1] - preview[j])
-                    - K_p * (x[12] - rate_before)
+                    - K_p * (x[tracked] - rate_before)
                     + K_FF * (preview[ahead] - preview[ahead - 1])
                 )
-                rate_before = x[12]
+                rate_before = x[tracked]
             elif dynamics == 2:
-                wanted[3] = K_p * (preview[j + 1] - x[12]) + K_FF * preview[ahead]
+                wanted[3] = K_p * (preview[j + 1] - x[tracked]) + K_FF * preview[ahead]
             limit_control(model, wanted, control, control)
             if save == 1 and j == 0:
                 saved[i, :] = control
             rk4_step(model, x, control, x, scratch)
         if save == 2:
             saved[i, :] = control
-        outputs[i, 0] = x[12]
+        outputs[i, 0] = x[tracked]
         if with_roll_rate:
             outputs[i, 1] = x[10]
         if with_fall_rate:

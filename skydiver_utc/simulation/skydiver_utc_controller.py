@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from skydiver_utc.control.coupling import CouplingSchedule
 from skydiver_utc.control.limits import ControlLimits
-from skydiver_utc.control.protocol import Decision
+from skydiver_utc.control.protocol import Decision, Status
 from skydiver_utc.control.utc import UnscentedTransformController
 from skydiver_utc.parameters import UtcParameters
 from skydiver_utc.plant.model import PlantModel
@@ -16,10 +16,10 @@ Array = NDArray[np.float64]
 
 
 class SkydiverUtc:
-    """Tracks the yaw rate with yaw damping, two hands and the turning pattern."""
+    """Tracks a body rate, `tracked` in the state, with yaw damping, two hands and the turning pattern."""
 
     telemetry_names: tuple[str, ...] = (
-        "predicted_yaw_rate",
+        "predicted_rate",
         "innovation",
         *(f"std_{name}" for name in CONTROL_NAMES),
         "repaired_covariance",
@@ -31,11 +31,15 @@ class SkydiverUtc:
         model: PlantModel,
         limits: ControlLimits,
         initial: Array,
+        tracked: int,
         initial_fall_rate: float,
     ) -> None:
         self._initial = initial
+        self._limits = limits
+        self._tracked = tracked
+        self._alpha_at_rest = parameters.alpha_at_rest
         self._horizon = parameters.horizon_steps
-        self._prediction = SkydiverPrediction(model, parameters)
+        self._prediction = SkydiverPrediction(model, parameters, tracked)
         self._coupling = CouplingSchedule(parameters, parameters.k_hyst(model.dt))
         self._kept = [0.0] * (parameters.P_err_roll_rate > 0.0)
         self._kept += [initial_fall_rate] * (parameters.P_err_fall_rate > 0.0)
@@ -62,15 +66,32 @@ class SkydiverUtc:
         self._prediction.reset()
         self._coupling.reset()
         self._started = False
+        self._moved = False
 
     def decide(self, state: Array, preview: Array) -> Decision:
-        """One UTC step."""
+        """One UTC step; after the reference has ended, where the parameters ask for it, the posture at rest."""
+        self._moved = self._moved or bool(preview[0])
+        if self._alpha_at_rest is not None and self._moved and not preview.any():
+            return self._rest(state, self._alpha_at_rest)
         if not self._started:
             self._utc.reset(self._initial, self._coupling.initial_covariance(preview))
             self._started = True
         Qu = self._coupling.process_noise(preview)
         reference = np.array([preview[self._horizon], *self._kept])
         step = self._utc.step(state, preview, reference, Qu)
+        return Decision(
+            step.control, self._telemetry(step.predicted[0], step.innovation[0], step.repaired), step.status
+        )
+
+    def _rest(self, state: Array, alpha: float) -> Decision:
+        """The control that the flight began with, at another pattern angle [rad]; no feedback."""
+        wanted = self._initial.copy()
+        wanted[3] = alpha
+        control = self._limits.apply(wanted, self._utc.control)
+        self._utc.reset(control, self._utc.covariance)
+        rate = float(state[self._tracked])
+        return Decision(control, self._telemetry(rate, -rate, 0.0), Status.SOLVED)
+
+    def _telemetry(self, predicted: float, innovation: float, repaired: float) -> Array:
         deviations = np.sqrt(np.maximum(np.diag(self._utc.covariance), 0.0))
-        telemetry = np.concatenate([step.predicted[:1], step.innovation[:1], deviations, [step.repaired]])
-        return Decision(step.control, telemetry, step.status)
+        return np.concatenate([[predicted, innovation], deviations, [repaired]])

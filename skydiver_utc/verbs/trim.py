@@ -13,7 +13,7 @@ from rich.text import Text
 
 from skydiver_utc.body.posture import configuration, posture_angles
 from skydiver_utc.body.segments import JOINTS, build_body
-from skydiver_utc.parameters import ParameterError, Posture, Scenario
+from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.plant.linearise import linearise
 from skydiver_utc.plant.model import PlantModel, build_model
 from skydiver_utc.plant.modes import Mode, modes
@@ -80,7 +80,7 @@ def _falling_straight(scenario: Scenario) -> Scenario:
     }
     old = scenario.posture
     moved = {joint: row for joint, row in rows.items() if any(row)}
-    posture = Posture(old.name, old.description, old.source, moved)  # type: ignore[arg-type]
+    posture = msgspec.structs.replace(old, joint_angles_deg=moved)
     return msgspec.structs.replace(scenario, posture=posture)
 
 

@@ -1,0 +1,101 @@
+"""The joint angles of a posture and its movement pattern over the pattern angle alpha."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.body.posture import pattern_direction, posture_angles, refuse_beyond
+from skydiver_utc.body.segments import JOINTS
+from skydiver_utc.parameters import JointLimits, MovementPattern, ParameterError, Posture, PosturePath
+
+Array = NDArray[np.float64]
+
+# Two postures that differ by less are the same: files hold degrees with six decimals.
+_SAME_POSTURE_RAD = 1e-6
+
+
+class Movement(Protocol):
+    """Joint angles (15, 3) [rad] and their derivative, in the order of `JOINTS`, at a pattern angle [rad]."""
+
+    def angles(self, alpha: float) -> Array:
+        """Joint angles (15, 3) [rad]."""
+        ...
+
+    def slope(self, alpha: float) -> Array:
+        """Change of the joint angles (15, 3) per change of alpha [rad/rad]."""
+        ...
+
+
+def movement(posture: Posture, pattern: MovementPattern | PosturePath) -> Movement:
+    """How the body moves with alpha: along a direction from the posture, or through the postures of a path."""
+    if isinstance(pattern, PosturePath):
+        return _Path(pattern)
+    return _Straight(posture, pattern)
+
+
+class _Straight:
+    """neutral + alpha * direction."""
+
+    def __init__(self, posture: Posture, pattern: MovementPattern) -> None:
+        self._neutral, self._direction = posture_angles(posture), pattern_direction(pattern)
+
+    def angles(self, alpha: float) -> Array:
+        return self._neutral + alpha * self._direction
+
+    def slope(self, alpha: float) -> Array:
+        return self._direction
+
+
+class _Path:
+    """Piecewise cubics through the postures: no angle leaves the range of two neighbours, no slope jumps."""
+
+    def __init__(self, path: PosturePath) -> None:
+        from scipy.interpolate import PchipInterpolator
+
+        rows = np.array([posture_angles(keyframe.posture) for keyframe in path.keyframes])
+        self._angles = PchipInterpolator([keyframe.alpha for keyframe in path.keyframes], rows)
+        self._slope = self._angles.derivative()
+
+    def angles(self, alpha: float) -> Array:
+        return np.asarray(self._angles(alpha), dtype=float)
+
+    def slope(self, alpha: float) -> Array:
+        return np.asarray(self._slope(alpha), dtype=float)
+
+
+def check_movement(
+    limits: JointLimits,
+    posture: Posture,
+    pattern: MovementPattern | PosturePath,
+    alphas: tuple[float, float],
+    initial_alpha: float,
+) -> None:
+    """Refuse a movement that a body cannot take between the smallest and the largest alpha [rad].
+
+    Raises `ParameterError` for joint angles beyond their ranges (in between they are between those that are
+    checked), a path that does not cover the range of alpha, and one that does not start in the posture.
+    """
+    refuse_beyond(limits, posture_angles(posture), f"posture {posture.name}")
+    if isinstance(pattern, MovementPattern):
+        moves = movement(posture, pattern)
+        for alpha in alphas:
+            what = f"posture {posture.name} with pattern {pattern.name} at alpha = {alpha:g}"
+            refuse_beyond(limits, moves.angles(alpha), what)
+        return
+    first, last = pattern.keyframes[0].alpha, pattern.keyframes[-1].alpha
+    if alphas[0] < first or alphas[1] > last:
+        raise ParameterError(
+            f"pattern {pattern.name} goes from alpha = {first:g} to {last:g}, plant.limits.alpha from"
+            f" {alphas[0]:g} to {alphas[1]:g}: keep the limits within the path"
+        )
+    for keyframe in pattern.keyframes:
+        what = f"posture {keyframe.posture.name} of pattern {pattern.name}"
+        refuse_beyond(limits, posture_angles(keyframe.posture), what)
+    apart = np.abs(movement(posture, pattern).angles(initial_alpha) - posture_angles(posture))
+    if apart.max() > _SAME_POSTURE_RAD:
+        row, _ = divmod(int(apart.argmax()), apart.shape[1])
+        raise ParameterError(
+            f"pattern {pattern.name} is not in posture {posture.name} at initial.alpha = {initial_alpha:g},"
+            f" {JOINTS[row]} is {np.rad2deg(apart.max()):.1f} deg off: change posture or initial.alpha"
+        )

@@ -1,0 +1,95 @@
+"""The maneuvers beyond the fast turn: whole turns by the pose controller, layouts open loop and tracked by UTC."""
+
+import math
+
+import numpy as np
+import pytest
+
+from skydiver_utc.analysis.metrics import angle_turned_deg, metrics
+from skydiver_utc.parameters import ParameterError, load_scenario
+from skydiver_utc.reference.profiles import ReferenceProfile
+from skydiver_utc.simulation.closed_loop import simulate
+from skydiver_utc.simulation.outcome import dorsal_axis_height
+
+LAYOUTS = ["front_layout", "back_layout", "front_layout_open_loop", "back_layout_open_loop"]
+
+
+@pytest.fixture(scope="module")
+def flights():
+    names = [*LAYOUTS, "turn_360_left", "turn_360_right"]
+    return {name: simulate(load_scenario(name)) for name in names}
+
+
+def test_a_rotation_turns_by_its_angle():
+    """The profile's integral is the angle; the trapezoidal rule is exact to rounding for a whole cosine period."""
+    scenario = load_scenario("turn_360_left", {"reference.angle_deg": 123.0, "reference.duration_s": 4.2})
+    values = ReferenceProfile(scenario).preview(0, scenario.steps + 1)
+    assert np.trapezoid(values, dx=scenario.dt_s) == pytest.approx(math.radians(123.0), rel=1e-6)
+    assert values.max() == pytest.approx(math.radians(2 * 123.0 / 4.2), rel=1e-4)
+    before = math.floor(1.0 / scenario.dt_s)
+    assert not values[: before + 1].any()
+
+
+def test_a_posture_reference_goes_in_straight_lines():
+    profile = ReferenceProfile(load_scenario("front_layout_open_loop"))
+    dt = 0.0042
+    assert profile.signal == "alpha"
+    assert profile.value(0) == 0.0
+    assert profile.value(round(2.5 / dt)) == pytest.approx(1.0, abs=0.002)
+    assert profile.value(round(10 / dt)) == 2.0
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_a_layout_ends_in_the_other_fall_in_its_own_posture_and_stays(flights, name):
+    flight = flights[name]
+    values = metrics(flight)
+    belly_at_the_end = name.startswith("back")
+    assert values["outcome"] == "completed"
+    assert values["facing"] == ("belly to earth" if belly_at_the_end else "back to earth")
+    assert values["simulated_time_s"] - values["facing_since_s"] > 10.0
+    last_ten_seconds = flight.time_s[:-1] > flight.time_s[-1] - 10.0
+    np.testing.assert_allclose(
+        flight.applied[last_ten_seconds, 3], 0.0 if belly_at_the_end else 2.0, atol=1e-9
+    )
+    height = dorsal_axis_height(flight.states)
+    assert np.abs(height[:-1][last_ten_seconds]).min() > 0.95
+    assert np.abs(np.rad2deg(flight.states[-1, 10:13])).max() < 0.5
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_a_layout_passes_through_head_down(flights, name):
+    """The long axis points straight down in between, within 3 deg, and the pitch angle has no jump there."""
+    flight = flights[name]
+    x, y, z, w = flight.states[:, 3:7].T
+    assert (2 * (x * z - y * w)).min() < -math.cos(math.radians(3.0))
+    assert np.abs(np.diff(angle_turned_deg(flight))).max() < 1.0
+
+
+@pytest.mark.parametrize(("name", "rmse"), [("front_layout", 4.2), ("back_layout", 4.5)])
+def test_utc_tracks_the_pitch_rate_of_a_layout(flights, name, rmse):
+    """As docs/maneuvers.md has it; the peak of the reference is 66 deg/s."""
+    values = metrics(flights[name])
+    assert values["rmse_deg_s"] < rmse
+    assert abs(values["angle_error_deg"]) < 1.0
+
+
+@pytest.mark.parametrize("bank_deg", [-10.0, 10.0])
+@pytest.mark.parametrize("name", ["front_layout", "front_layout_open_loop"])
+def test_a_layout_survives_a_bank_at_the_start(name, bank_deg):
+    values = metrics(simulate(load_scenario(name, {"initial.bank_deg": bank_deg})))
+    assert (values["outcome"], values["facing"]) == ("completed", "back to earth")
+
+
+def test_whole_turns_end_where_they_should_and_mirror_each_other(flights):
+    left, right = metrics(flights["turn_360_left"]), metrics(flights["turn_360_right"])
+    for values in (left, right):
+        assert values["outcome"] == "completed"
+        assert abs(values["angle_error_deg"]) < 1.0
+        assert values["overshoot_deg"] < 1.0
+    turned = [angle_turned_deg(flights[name])[-1] for name in ("turn_360_left", "turn_360_right")]
+    np.testing.assert_allclose(turned, [360.0, -360.0], atol=1.0)
+
+
+def test_open_loop_and_its_reference_need_each_other():
+    with pytest.raises(ParameterError, match="need each other"):
+        load_scenario("front_layout", {"controller": {"kind": "open_loop"}})

@@ -1,0 +1,85 @@
+"""A posture path: through its postures, smooth, inside the joint limits, and its geometry table is exact enough."""
+
+import numpy as np
+import pytest
+
+from skydiver_utc.body.movement import movement
+from skydiver_utc.body.posture import joint_ranges, posture_angles
+from skydiver_utc.body.segments import build_body
+from skydiver_utc.parameters import ParameterError, load_scenario
+from skydiver_utc.plant.dynamics import GEOMETRY_SIZE, posture_geometry
+from skydiver_utc.plant.model import build_model, posture_row
+from skydiver_utc.plant.skydiver import SkydiverPlant
+
+NAME = "front_layout_open_loop"
+SCENARIO = load_scenario(NAME)
+MOVES = movement(SCENARIO.posture, SCENARIO.pattern)
+ALPHAS = np.linspace(0.0, 2.0, 401)
+
+
+def test_a_path_goes_through_its_postures():
+    for keyframe in SCENARIO.pattern.keyframes:
+        np.testing.assert_allclose(MOVES.angles(keyframe.alpha), posture_angles(keyframe.posture), atol=1e-12)
+
+
+def test_the_slope_is_the_derivative_and_does_not_jump():
+    step = 1e-6
+    for alpha in np.linspace(0.1, 1.9, 19):
+        difference = (MOVES.angles(alpha + step) - MOVES.angles(alpha - step)) / (2 * step)
+        np.testing.assert_allclose(MOVES.slope(alpha), difference, atol=1e-5)
+    slopes = np.array([MOVES.slope(alpha) for alpha in ALPHAS])
+    assert np.abs(np.diff(slopes, axis=0)).max() < 0.05
+
+
+def test_a_path_stays_inside_the_joint_limits():
+    lower, upper = joint_ranges(SCENARIO.subject.joint_limits)
+    for alpha in ALPHAS:
+        angles = MOVES.angles(alpha)
+        assert (angles >= lower - 1e-9).all()
+        assert (angles <= upper + 1e-9).all()
+
+
+def test_table_error_bound_of_a_path():
+    """Between its 257 nodes the table keeps every entry to 5e-5 (m, m2, kg m2), swing to 2e-3 kg m2.
+
+    The path's second derivative jumps at its postures, which a table of cubics cannot follow.
+    """
+    model, body, row = build_model(SCENARIO), build_body(SCENARIO.subject), np.empty(GEOMETRY_SIZE)
+    for alpha in np.linspace(0.0, 2.0, 1001):
+        posture_geometry(model, alpha, row)
+        exact = posture_row(body, MOVES, alpha)
+        np.testing.assert_allclose(row[:-3], exact[:-3], atol=5e-5)
+        np.testing.assert_allclose(row[-3:], exact[-3:], atol=2e-3)
+
+
+def refused(**overrides):
+    with pytest.raises(ParameterError) as caught:
+        SkydiverPlant(load_scenario(NAME, overrides))
+    return str(caught.value)
+
+
+def test_limits_beyond_the_path_are_refused():
+    assert "keep the limits within the path" in refused(**{"plant.limits.alpha": [-1.0, 2.0]})
+
+
+def test_a_path_that_starts_elsewhere_than_the_posture_is_refused():
+    message = refused(posture="track")
+    assert "not in posture track at initial.alpha = 0" in message
+
+
+def test_a_posture_of_a_path_beyond_the_joint_limits_is_named():
+    bent = {"name": "bent", "joint_angles_deg": {"left_knee": [170.0, 0.0, 0.0]}}
+    keyframes = [{"alpha": 0.0, "posture": "neutral"}, {"alpha": 2.0, "posture": bent}]
+    message = refused(**{"pattern.keyframes": keyframes})
+    assert "posture bent of pattern layout is beyond the joint limits" in message
+
+
+@pytest.mark.parametrize(
+    ("keyframes", "sentence"),
+    [
+        ([{"alpha": 0.0, "posture": "neutral"}], "give at least two"),
+        ([{"alpha": 1.0, "posture": "neutral"}, {"alpha": 1.0, "posture": "track"}], "sort them"),
+    ],
+)
+def test_keyframes_that_make_no_path_are_refused(keyframes, sentence):
+    assert sentence in refused(**{"pattern.keyframes": keyframes})
