@@ -133,7 +133,8 @@ def _draw_rate(axes: Axes, flight: Flight) -> None:
     axes.plot(flight.time_s, flown, color=BLUE, linewidth=1.3, label="flown")
     axes.set_ylim(-1.12 * reach, 1.12 * reach)
     axes.set_ylabel(_RATES[flight.scenario.reference.signal])
-    _shade_settling(axes, flight)
+    if flight.tracked is not None:
+        _shade_settling(axes, flight)
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.0)
 
 
