@@ -15,10 +15,11 @@ import pytest
 from test_analysis_metrics import scenario_of
 
 from skydiver_utc.analysis.recorded_flight import read_flight
+from skydiver_utc.recording.metadata import message_count, metadata_yaml
 from skydiver_utc.simulation.closed_loop import simulate
 from skydiver_utc.verbs.node_processes import NODE_CODE, PACKAGE_FOLDER
 from skydiver_utc.verbs.ros_environment import free_domain, node_environment
-from skydiver_utc.verbs.run import new_run_folder
+from skydiver_utc.verbs.run import _whereabouts, new_run_folder
 
 needs_ros = pytest.mark.skipif(importlib.util.find_spec("rclpy") is None, reason="needs rclpy")
 
@@ -85,9 +86,9 @@ def test_ctrl_c_leaves_a_recording_that_can_be_analysed(tmp_path: Path) -> None:
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert f"stopped: the recording so far is in {folder}" in stderr
+    told = f"the recording so far is in {folder}" if message_count(folder) else "nothing was recorded yet"
+    assert f"stopped: {told}" in stderr
     assert "Traceback" not in stderr
-    assert (folder / "metadata.yaml").is_file()
 
 
 @needs_ros
@@ -97,6 +98,12 @@ def test_a_node_that_fails_is_named(tmp_path: Path) -> None:
     assert (process.returncode, stdout) == (1, "")
     assert " node failed (" in stderr
     assert "rmw_of_nobody" in stderr
+
+
+def test_a_recording_without_messages_is_not_offered_for_analysis(tmp_path: Path) -> None:
+    (tmp_path / "metadata.yaml").write_text(metadata_yaml("flight_0.mcap", [], None))
+    assert _whereabouts(tmp_path) == f"nothing was recorded yet, {tmp_path} can be deleted"
+    assert _whereabouts(tmp_path / "nowhere") == "nothing was recorded"
 
 
 def test_run_folders_of_one_second_do_not_meet(tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
 """The `metadata.yaml` of a rosbag2 bag folder, version 9."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -98,19 +99,34 @@ def write_whole(path: Path, text: str) -> None:
 
 def mcap_files(folder: Path) -> list[Path]:
     """The files of a bag folder in their order: those that its metadata names, else every .mcap in it."""
-    metadata = folder / METADATA_FILE
-    if not metadata.is_file():
+    if not (folder / METADATA_FILE).is_file():
         return sorted(folder.glob("*.mcap"))
-    try:
-        information = yaml.safe_load(metadata.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+    with _refusing_other_yaml(folder):
+        information = _information(folder)
         storage, names = information["storage_identifier"], information["relative_file_paths"]
         files = [folder / Path(name).name for name in names]
-    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
-        raise RecordingError(
-            f"{metadata} is not the metadata of a bag: remove it to read the .mcap beside it alone."
-        ) from error
     if storage != "mcap":
         raise RecordingError(
             f"{folder} is a bag of {storage} files: convert it to mcap with `ros2 bag convert` and read that."
         )
     return files
+
+
+def message_count(folder: Path) -> int:
+    """How many messages a bag folder holds, as its metadata says."""
+    with _refusing_other_yaml(folder):
+        return int(_information(folder)["message_count"])
+
+
+def _information(folder: Path) -> Any:
+    return yaml.safe_load((folder / METADATA_FILE).read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+
+
+@contextmanager
+def _refusing_other_yaml(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
+        raise RecordingError(
+            f"{folder / METADATA_FILE} is not the metadata of a bag: remove it to read the .mcap beside it alone."
+        ) from error

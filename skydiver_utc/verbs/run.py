@@ -12,6 +12,7 @@ import click
 from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.parameters import Scenario, to_yaml
 from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.metadata import METADATA_FILE, message_count
 from skydiver_utc.verbs.errors import VerbError
 from skydiver_utc.verbs.node_processes import (
     CONTROLLER,
@@ -117,7 +118,9 @@ def _follow(nodes: NodeProcesses, progress: Progressed) -> str | None:
 
 
 def _whereabouts(folder: Path) -> str:
-    if (folder / "metadata.yaml").is_file():
+    if (folder / METADATA_FILE).is_file():
+        if message_count(folder) == 0:
+            return f"nothing was recorded yet, {folder} can be deleted"
         return f"the recording so far is in {folder}, `skydiver-utc analyse {folder}` looks at it"
     if folder.is_dir():
         return f"the recording in {folder} has no end"
