@@ -1,9 +1,11 @@
-"""``skydiver-utc``: one verb per job. Only click loads here; a verb loads its own modules when it is used."""
+"""``skydiver-utc``: one verb per job. Only click loads here; a verb loads its other modules when it is used."""
 
 from pathlib import Path
 from typing import Any
 
 import click
+
+from skydiver_utc.plant.pattern_kinds import DEFAULT_KIND, PATTERN_KINDS
 
 _REFUSED = 2
 _STOPPED = 130
@@ -79,6 +81,12 @@ _settings = click.option(
     help="Override one parameter by its dotted name, for example controller.horizon_steps=5. Repeatable.",
 )
 _json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
+_within = click.option(
+    "--scenario",
+    default="bank_recovery",
+    show_default=True,
+    help="Where all that is not named comes from: air, limits, subject.",
+)
 _quiet = click.option("--quiet", is_flag=True, help="No progress bar, nothing on stderr but errors.")
 
 
@@ -141,7 +149,7 @@ def analyse(run_folder: str, as_json: bool) -> None:
 
 @main.group()
 def pattern() -> None:
-    """Make a neutral posture or a turning pattern again, from the parameters."""
+    """Postures and movement patterns: make them again from the parameters, and see what they do."""
 
 
 _out = click.option("--out", metavar="FILE.yaml", help="Write here instead of on the screen.")
@@ -158,24 +166,45 @@ def neutral(scenario: str, settings: tuple[str, ...], out: str | None) -> None:
     trim(scenario, settings, Path(out) if out else None)
 
 
-@pattern.command(short_help="Design a turning pattern for SCENARIO's posture.")
+@pattern.command(short_help="Design a movement pattern for SCENARIO's posture.")
 @_scenario
 @_settings
+@click.option(
+    "--kind",
+    type=click.Choice(list(PATTERN_KINDS)),
+    default=DEFAULT_KIND,
+    show_default=True,
+    help="Positive alpha turns left, lowers the head, slides to the left, or falls slower.",
+)
 @click.option("--seed", default=1, show_default=True, help="Seed of the random starts.")
 @_out
-def design(scenario: str, settings: tuple[str, ...], seed: int, out: str | None) -> None:
-    """The pattern with the most yaw for the least roll, pitch and slide, as a pattern file."""
+def design(scenario: str, settings: tuple[str, ...], kind: str, seed: int, out: str | None) -> None:
+    """The pattern with the most of what is wanted for the least of anything else, as a pattern file."""
     from skydiver_utc.verbs.pattern import design as make
 
-    make(scenario, settings, seed, Path(out) if out else None)
+    make(scenario, settings, kind, seed, Path(out) if out else None)
+
+
+@pattern.command(short_help="Tell what PATTERN does to a straight fall.")
+@click.argument("name", metavar="PATTERN")
+@_within
+@_settings
+@_json
+def show(name: str, scenario: str, settings: tuple[str, ...], as_json: bool) -> None:
+    """Tell what PATTERN does to the straight fall of a scenario's posture, at once and when it is held.
+
+    PATTERN is a name below config/patterns, or the path of a YAML file. The posture is first moved, by as little as
+    it takes, to fall straight down at the scenario's initial pitch.
+    """
+    from skydiver_utc.verbs.pattern_show import show as tell
+
+    tell(name, scenario, settings, as_json)
 
 
 @main.command(short_help="Find the straight fall of POSTURE, its modes and its turning.")
 @click.argument("posture", metavar="[POSTURE]", required=False)
 @click.option("--subject", metavar="NAME", help="Who falls, instead of the scenario's subject.")
-@click.option(
-    "--scenario", default="bank_recovery", show_default=True, help="Where air, limits and pattern come from."
-)
+@_within
 @_settings
 @_json
 def trim(

@@ -13,7 +13,7 @@ from skydiver_utc.body.segments import build_body
 from skydiver_utc.cli import main
 from skydiver_utc.parameters import load_scenario
 from skydiver_utc.parameters.loading import config_folder
-from skydiver_utc.parameters.yaml_io import parse_yaml, read_yaml
+from skydiver_utc.parameters.yaml_io import read_yaml
 from skydiver_utc.plant.trim import straight_fall
 
 # Posture by segment table and suit: a body scaled as a whole balances in the same posture.
@@ -93,12 +93,6 @@ def test_a_suit_can_be_changed_after_the_subject():
     assert (scenario.subject.name, scenario.subject.suit.name) == ("heavy", "standard")
 
 
-def printed(*arguments):
-    result = CliRunner().invoke(main, ["pattern", *arguments])
-    assert result.exit_code == 0, result.output
-    return parse_yaml(result.stdout, "stdout")
-
-
 def test_the_neutral_posture_is_made_again_by_its_command(tmp_path):
     """All but the name, which is that of the file."""
     path = tmp_path / "neutral.yaml"
@@ -109,14 +103,6 @@ def test_the_neutral_posture_is_made_again_by_its_command(tmp_path):
         np.testing.assert_allclose(made["joint_angles_deg"][joint], degrees, atol=1e-4)
     made.pop("joint_angles_deg")
     assert made == committed
-
-
-def test_the_turning_pattern_is_made_again_by_its_command():
-    made = printed("design", "bank_recovery", "--seed", "1")
-    committed = read_yaml(config_folder() / "patterns" / "turn.yaml")
-    for joint, row in committed["components"].items():
-        np.testing.assert_allclose(made["components"][joint], row, atol=2e-3)
-    assert made["source"] == committed["source"]
 
 
 def test_a_file_that_cannot_be_written_is_refused(tmp_path):

@@ -110,16 +110,28 @@ def _resolve_names(content: dict[str, Any]) -> dict[str, Any]:
     resolved: dict[str, Any] = {}
     for key, value in content.items():
         if key in _NAMED and isinstance(value, str):
-            folder = config_folder() / _NAMED[key]
-            path = folder / f"{value}.yaml"
-            if not path.is_file():
-                known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
-                raise ParameterError(f"there is no {key} {value!r}: choose one of {known}")
-            value = read_yaml(path)
+            value = read_yaml(_named_path(key, value))
         if isinstance(value, list):
             value = [_resolve_names(item) if isinstance(item, dict) else item for item in value]
         resolved[key] = _resolve_names(value) if isinstance(value, dict) else value
     return resolved
+
+
+def _named_path(field: str, name: str) -> Path:
+    """The file of a subject, suit, posture, ...: one that comes with the package, or any by its path."""
+    if name.endswith((".yaml", ".yml")):
+        path = Path(name)
+        if not path.is_file():
+            raise ParameterError(f"there is no {field} file {name}: check the path")
+        return path
+    folder = config_folder() / _NAMED[field]
+    path = folder / f"{name}.yaml"
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
+        raise ParameterError(
+            f"there is no {field} {name!r}: choose one of {known}, or give the path of a YAML file"
+        )
+    return path
 
 
 def _override(content: dict[str, Any], name: str, value: object) -> None:

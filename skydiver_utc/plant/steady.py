@@ -92,6 +92,11 @@ class SteadyFall:
         return float(np.arcsin(np.clip(-self.up[0], -1.0, 1.0)))
 
     @property
+    def bank(self) -> float:
+        """How far the body's left side points above the horizon [rad]."""
+        return float(np.arcsin(np.clip(self.up[1], -1.0, 1.0)))
+
+    @property
     def yaw_rate(self) -> float:
         """Body rate about the dorsal axis [rad/s]."""
         return float(self.rates[2])

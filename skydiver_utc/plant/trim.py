@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.body.posture import configuration, joint_ranges, motion, posture_angles
+from skydiver_utc.body.posture import configuration, joint_ranges, joint_rows, motion, posture_angles
 from skydiver_utc.body.segments import JOINTS, Body, build_body
 from skydiver_utc.parameters import ParameterError, Posture, Scenario
 from skydiver_utc.plant.dynamics import invert_inertia, state_derivative
@@ -98,3 +99,10 @@ def straight_fall(scenario: Scenario, posture: Posture, pitch_deg: float) -> Tri
             f" {np.abs(residual).max():.2g} of acceleration is left; choose another posture or pitch"
         )
     return Trim(angles, speed, pitch, residual)
+
+
+def in_straight_fall(scenario: Scenario) -> Scenario:
+    """The scenario with its posture moved, by as little as it takes, to fall straight down at its initial pitch."""
+    found = straight_fall(scenario, scenario.posture, scenario.initial.pitch_deg)
+    posture = msgspec.structs.replace(scenario.posture, joint_angles_deg=joint_rows(np.rad2deg(found.angles)))
+    return msgspec.structs.replace(scenario, posture=posture)

@@ -8,7 +8,7 @@ from skydiver_utc.plant.steady import HeldBody, SteadyFall, steady_turn
 
 Array = NDArray[np.float64]
 
-# Steps in pattern angle in which a steady turn is followed from one reported angle to the next.
+# Steps in pattern angle in which a steady fall is followed from one reported angle to the next.
 _STEPS = 6
 
 
@@ -18,14 +18,14 @@ def yaw_acceleration(model: PlantModel, fall: SteadyFall) -> float:
     return float(body.accelerations(fall.up, fall.velocity, fall.rates)[5])
 
 
-def steady_yaw_rates(
+def steady_turns(
     model: PlantModel, fall: SteadyFall, alphas: Array, damping: float
-) -> list[float | None]:
-    """Yaw rate [rad/s] of the steady turn at each of rising pattern angles [rad], hands at rest.
+) -> list[SteadyFall | None]:
+    """The steady fall at each of the pattern angles [rad], which run away from 0, hands at rest.
 
-    The turn is followed from the straight fall on; None from where it is lost.
+    It is followed from the straight fall on; None from where it is lost.
     """
-    rates: list[float | None] = []
+    found: list[SteadyFall | None] = []
     near: SteadyFall | None = fall
     reached = 0.0
     for alpha in alphas:
@@ -33,5 +33,13 @@ def steady_yaw_rates(
             if near is not None:
                 near = steady_turn(HeldBody(model, np.array([damping, 0.0, 0.0, step])), near)
         reached = float(alpha)
-        rates.append(None if near is None else near.yaw_rate)
-    return rates
+        found.append(near)
+    return found
+
+
+def steady_yaw_rates(
+    model: PlantModel, fall: SteadyFall, alphas: Array, damping: float
+) -> list[float | None]:
+    """Yaw rate [rad/s] of each of the `steady_turns`."""
+    turns = steady_turns(model, fall, alphas, damping)
+    return [None if turn is None else turn.yaw_rate for turn in turns]

@@ -1,4 +1,4 @@
-"""``skydiver-utc pattern``: a neutral posture and a turning pattern, made again from the parameters."""
+"""``skydiver-utc pattern``: a neutral posture and movement patterns, made again from the parameters."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +10,8 @@ import numpy as np
 from skydiver_utc.body.posture import joint_rows
 from skydiver_utc.parameters import MovementPattern, Posture
 from skydiver_utc.parameters.yaml_io import write_yaml
-from skydiver_utc.plant.pattern_design import design_turn
+from skydiver_utc.plant.pattern_design import design_pattern
+from skydiver_utc.plant.pattern_kinds import DEFAULT_KIND, PATTERN_KINDS
 from skydiver_utc.plant.trim import straight_fall
 from skydiver_utc.verbs.errors import VerbError
 from skydiver_utc.verbs.settings import load
@@ -39,19 +40,19 @@ def neutral(scenario_name: str, settings: Sequence[str], out: Path | None) -> No
     _write(posture, out)
 
 
-def design(scenario_name: str, settings: Sequence[str], seed: int, out: Path | None) -> None:
-    """Write a left turn for the scenario's posture, which must fall straight."""
-    scenario = load(scenario_name, settings)
+def design(scenario_name: str, settings: Sequence[str], kind_name: str, seed: int, out: Path | None) -> None:
+    """Write a pattern of a kind for the scenario's posture, which must fall straight."""
+    scenario, kind = load(scenario_name, settings), PATTERN_KINDS[kind_name]
     trim = straight_fall(scenario, scenario.posture, scenario.initial.pitch_deg)
-    direction = design_turn(scenario, trim, np.random.default_rng(seed))
+    direction = design_pattern(kind, scenario, trim, np.random.default_rng(seed))
+    option = "" if kind_name == DEFAULT_KIND else f" --kind {kind_name}"
     pattern = MovementPattern(
-        name=_name(out, "turn"),
-        description="Left turn for a positive pattern angle, right turn for a negative one",
+        name=_name(out, kind.name),
+        description=kind.description,
         source=(
-            f"Designed by skydiver-utc pattern design for posture {scenario.posture.name}, subject"
-            f" {scenario.subject.name}, suit {scenario.subject.suit.name}, seed {seed}: most yaw acceleration at"
-            " pattern angles 0.5, 1 and 1.5 rad with roll, pitch, horizontal acceleration and swing of the limbs"
-            f" penalised, within the joint limits {scenario.subject.joint_limits.name}"
+            f"Designed by skydiver-utc pattern design{option} for posture {scenario.posture.name}, subject"
+            f" {scenario.subject.name}, suit {scenario.subject.suit.name}, seed {seed}: {kind.aim}, within the"
+            f" joint limits {scenario.subject.joint_limits.name}"
         ),
         components=joint_rows(direction.round(_DECIMALS)),
     )

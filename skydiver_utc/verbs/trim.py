@@ -4,7 +4,6 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
@@ -12,13 +11,13 @@ from rich.table import Table
 from rich.text import Text
 
 from skydiver_utc.body.posture import configuration, posture_angles
-from skydiver_utc.body.segments import JOINTS, build_body
+from skydiver_utc.body.segments import build_body
 from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.plant.linearise import linearise
 from skydiver_utc.plant.model import PlantModel, build_model
 from skydiver_utc.plant.modes import Mode, modes
 from skydiver_utc.plant.steady import HeldBody, SteadyFall, straight_falls
-from skydiver_utc.plant.trim import straight_fall
+from skydiver_utc.plant.trim import in_straight_fall
 from skydiver_utc.plant.yaw import steady_yaw_rates, yaw_acceleration
 from skydiver_utc.verbs.settings import load
 
@@ -37,7 +36,7 @@ def trim(
     chosen = [f"{name}={value}" for name, value in named.items() if value is not None]
     scenario = load(scenario_name, [*chosen, *settings])
     if posture is None or scenario.posture == load(scenario_name, settings).posture:
-        scenario = _falling_straight(scenario)
+        scenario = in_straight_fall(scenario)
     values = report(scenario)
     if as_json:
         print(json.dumps(values, indent=2))
@@ -69,19 +68,6 @@ def report(scenario: Scenario) -> dict[str, Any]:
         "other_falls": [_of_fall(other) for other in others],
         "turning": _of_turning(model, fall),
     }
-
-
-def _falling_straight(scenario: Scenario) -> Scenario:
-    """The scenario with its posture moved, by as little as it takes, to fall straight down at its initial pitch."""
-    found = straight_fall(scenario, scenario.posture, scenario.initial.pitch_deg)
-    rows = {
-        joint: tuple(float(a) for a in row)
-        for joint, row in zip(JOINTS, np.rad2deg(found.angles), strict=True)
-    }
-    old = scenario.posture
-    moved = {joint: row for joint, row in rows.items() if any(row)}
-    posture = msgspec.structs.replace(old, joint_angles_deg=moved)
-    return msgspec.structs.replace(scenario, posture=posture)
 
 
 def _of_fall(fall: SteadyFall) -> dict[str, Any]:
