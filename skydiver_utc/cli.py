@@ -201,6 +201,42 @@ def show(name: str, scenario: str, settings: tuple[str, ...], as_json: bool) -> 
     tell(name, scenario, settings, as_json)
 
 
+@pattern.command(short_help="Find the movement patterns of recorded postures.")
+@click.argument("source", metavar="SOURCE")
+@click.option("--component", default=1, show_default=True, help="Which one to write, by falling variance.")
+@_out
+@click.option("--mean", metavar="FILE.yaml", help="Write the mean posture here.")
+@_within
+@_settings
+@_json
+def extract(
+    source: str,
+    component: int,
+    out: str | None,
+    mean: str | None,
+    scenario: str,
+    settings: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Find the movement patterns of recorded postures by principal component analysis.
+
+    SOURCE is a run folder, a bag, an .mcap file, or a CSV file of joint angles (docs/patterns.md); angles that it
+    lacks are those of the scenario's posture. A positive pattern angle has the largest of the
+    accelerations about the mean posture positive: it turns left, lowers the head, slides left or falls slower.
+    """
+    from skydiver_utc.verbs.pattern_extract import extract as find
+
+    find(
+        Path(source),
+        component,
+        scenario,
+        settings,
+        Path(out) if out else None,
+        Path(mean) if mean else None,
+        as_json,
+    )
+
+
 @main.command(short_help="Find the straight fall of POSTURE, its modes and its turning.")
 @click.argument("posture", metavar="[POSTURE]", required=False)
 @click.option("--subject", metavar="NAME", help="Who falls, instead of the scenario's subject.")

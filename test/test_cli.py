@@ -45,7 +45,10 @@ def with_setting(setting: str) -> str:
     return refused("simulate", SCENARIO, "--set", setting)
 
 
-@pytest.mark.parametrize("verb", [[], ["run"], ["simulate"], ["analyse"], ["scenarios"], ["trim"]])
+PATTERN = [["pattern", verb] for verb in ("neutral", "design", "show", "extract")]
+
+
+@pytest.mark.parametrize("verb", [[], ["run"], ["simulate"], ["analyse"], ["scenarios"], ["trim"], *PATTERN])
 def test_every_verb_has_help(verb: list[str]) -> None:
     result = call(*verb, "--help")
     assert result.exit_code == 0

@@ -1,0 +1,33 @@
+"""What a small part of a movement pattern does to a falling body, whatever else that body does."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.body.segments import build_body
+from skydiver_utc.parameters import Scenario
+from skydiver_utc.plant.model import build_model
+from skydiver_utc.plant.trim import FallingBody
+
+Array = NDArray[np.float64]
+
+# What a positive value of each acceleration is called, in a fall belly to earth.
+EFFECTS = ("headwards", "to the left", "slower fall", "rolls to the right", "head down", "turns left")
+_STEP = 0.5
+
+
+def pattern_effect(scenario: Scenario, posture: Array, direction: Array) -> Array:
+    """Accelerations (6,) per rad of the pattern about a posture, both (15, 3): m/s2 along, rad/s2 about x, y, z.
+
+    For a body that falls straight down at the scenario's initial speed and pitch, by the difference of half a
+    radian to both sides.
+    """
+    initial = scenario.initial
+    falling = FallingBody(
+        build_body(scenario.subject), build_model(scenario), float(np.deg2rad(initial.pitch_deg))
+    )
+    more, less = (
+        falling.acceleration(posture + side * _STEP * direction, initial.fall_speed_m_s)
+        for side in (1.0, -1.0)
+    )
+    difference: Array = (more - less) / (2.0 * _STEP)
+    return difference

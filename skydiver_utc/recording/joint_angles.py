@@ -1,0 +1,117 @@
+"""Joint angles over time: of a recorded flight, or measured elsewhere and written as CSV."""
+
+import csv
+import difflib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.reader import read_bag
+
+_TOPIC = "/skydiver/joint_states"
+_TIME = "time_s"
+_SUFFIX = "_deg"
+_LARGEST_DEG = 180.0
+
+
+@dataclass(frozen=True, eq=False)
+class JointAngles:
+    """Postures over time: time_s (n,) rising, names of m joint angles, values (n, m) [rad]."""
+
+    time_s: NDArray[np.float64]
+    names: tuple[str, ...]
+    values: NDArray[np.float64]
+
+
+def read_joint_angles(path: Path, known: Sequence[str]) -> JointAngles:
+    """The postures in a run folder, a bag, an .mcap file or a CSV file; `known` are the names of joint angles."""
+    if path.suffix.lower() == ".csv":
+        return _from_csv(path, known)
+    return _from_bag(path, known)
+
+
+def _from_bag(path: Path, known: Sequence[str]) -> JointAngles:
+    """Of a message sent twice the first counts; time is simulated time from the first message on."""
+    by_stamp: dict[int, Sequence[float]] = {}
+    for message in read_bag(path, [_TOPIC])[_TOPIC].messages:
+        if tuple(message.name) != tuple(known) or len(message.position) != len(known):
+            raise RecordingError(
+                f"{_TOPIC} in {path} does not hold the {len(known)} joint angles of this version: record the flight"
+                " again"
+            )
+        stamp = message.header.stamp
+        by_stamp.setdefault(stamp.sec * 1_000_000_000 + stamp.nanosec, message.position)
+    stamps = sorted(by_stamp)
+    return JointAngles(
+        time_s=np.array([(stamp - stamps[0]) * 1e-9 for stamp in stamps]),
+        names=tuple(known),
+        values=np.array([by_stamp[stamp] for stamp in stamps], dtype=float),
+    )
+
+
+def _from_csv(path: Path, known: Sequence[str]) -> JointAngles:
+    """`time_s` and joint angles in degrees, any of the known, each with or without the ending _deg."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            lines = [(number, row) for number, row in enumerate(csv.reader(stream, strict=True), 1) if row]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise RecordingError(f"{path} is no CSV file of UTF-8 text ({error}): save it as one") from error
+    if len(lines) < 3:
+        raise RecordingError(f"{path} has fewer than two postures: write a header and a line for each time")
+    header = [cell.strip() for cell in lines[0][1]]
+    names = _names(path, header, known)
+    table = np.array([_numbers(path, number, header, row) for number, row in lines[1:]])
+    time_s = table[:, 0]
+    for (number, _), before, after in zip(lines[2:], time_s, time_s[1:], strict=False):
+        if after <= before:
+            raise RecordingError(
+                f"{path} line {number}, column {_TIME}: {after:g} does not come after {before:g}; let time rise"
+                " from line to line"
+            )
+    return JointAngles(time_s, names, np.deg2rad(table[:, 1:]))
+
+
+def _names(path: Path, header: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
+    """Names of the columns after the first, as in `known`."""
+    if header[0] != _TIME or len(header) < 2:
+        raise RecordingError(
+            f"{path} line 1: the first column must be {_TIME} and joint angles must follow, it starts with"
+            f" {header[0]!r}; write {_TIME},{known[0]},..."
+        )
+    names = tuple(name.removesuffix(_SUFFIX) for name in header[1:])
+    for column, name in enumerate(names, 2):
+        if name not in known:
+            close = difflib.get_close_matches(name, known, 1)
+            hint = f"did you mean {close[0]}" if close else f"write one like {known[0]}"
+            raise RecordingError(f"{path} line 1, column {column}: there is no joint angle {name!r}, {hint}")
+        if names.index(name) != column - 2:
+            raise RecordingError(f"{path} line 1, column {column}: {name} stands twice, take one out")
+    return names
+
+
+def _numbers(path: Path, line: int, header: Sequence[str], row: Sequence[str]) -> list[float]:
+    if len(row) != len(header):
+        raise RecordingError(
+            f"{path} line {line} has {len(row)} columns, the header has {len(header)}: write a value for each"
+        )
+    numbers = []
+    for name, cell in zip(header, row, strict=True):
+        try:
+            number = float(cell)
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number):
+            raise RecordingError(
+                f"{path} line {line}, column {name}: {cell.strip()!r} is no finite number, write one"
+            )
+        if name != _TIME and abs(number) > _LARGEST_DEG:
+            raise RecordingError(
+                f"{path} line {line}, column {name}: {number:g} deg is beyond {_LARGEST_DEG:g}, write degrees"
+            )
+        numbers.append(number)
+    return numbers

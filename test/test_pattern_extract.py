@@ -1,0 +1,153 @@
+"""Movement patterns of recorded postures: against designed patterns, algebra, and NumPy's eigenvectors."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from test_recording_joint_angles import bag_of
+
+from skydiver_utc.body.posture import joint_angle_names, pattern_direction, posture_angles
+from skydiver_utc.body.principal_components import principal_components
+from skydiver_utc.cli import main
+from skydiver_utc.parameters import load_scenario
+from skydiver_utc.parameters.yaml_io import read_yaml
+from skydiver_utc.plant.pattern_kinds import PATTERN_KINDS
+from skydiver_utc.simulation.build import build_plant
+from skydiver_utc.simulation.closed_loop import simulate
+
+NAMES = joint_angle_names()
+NEUTRAL = posture_angles(load_scenario("bank_recovery").posture).ravel()
+
+
+def direction_of(name):
+    return pattern_direction(load_scenario("bank_recovery", {"pattern": name}).pattern).ravel()
+
+
+def csv_of(path, postures, names=NAMES, dt=0.01):
+    """Postures (n, m) [rad] as a CSV file, every digit kept."""
+    lines = [",".join(["time_s", *names])]
+    for k, row in enumerate(np.rad2deg(postures).tolist()):
+        lines.append(",".join(map(repr, [k * dt, *row])))
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+def extract(source, *arguments):
+    result = CliRunner().invoke(main, ["pattern", "extract", str(source), *arguments])
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def components(path):
+    return pattern_direction(load_scenario("bank_recovery", {"pattern": str(path)}).pattern).ravel()
+
+
+def fast_turn():
+    """Postures (n, 45) of the fast turn over 5 s, every eighth step, as the node sends them."""
+    scenario = load_scenario("fast_turn_unknown_dynamics", {"duration_s": 5.0})
+    flight, plant = simulate(scenario), build_plant(scenario)
+    return np.array([plant.joint_angles(alpha) for alpha in flight.applied[::8, 3]])
+
+
+def test_the_fast_turn_gives_its_pattern_back(tmp_path):
+    """From a bag: the direction to rounding, all of the variance, and the sign that turns left."""
+    postures = fast_turn()
+    out, mean = tmp_path / "extracted.yaml", tmp_path / "mean.yaml"
+    bag = bag_of(tmp_path / "run", postures)
+    printed = extract(bag, "--out", str(out), "--mean", str(mean))
+    assert "turns left" in printed
+    np.testing.assert_allclose(components(out), direction_of("turn"), atol=1e-8)
+    (only,) = json.loads(extract(bag, "--json"))["components"]
+    assert only["explained_variance"] == pytest.approx(1.0, abs=1e-12)
+    content = read_yaml(out)
+    assert content["name"] == "extracted"
+    assert "explains 1.0000 of the variance" in content["source"]
+    found = posture_angles(load_scenario("bank_recovery", {"posture": str(mean)}).posture).ravel()
+    np.testing.assert_allclose(found, postures.mean(axis=0), atol=1e-10)
+
+
+@pytest.mark.parametrize("name", PATTERN_KINDS)
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_sign_is_that_of_the_library_whichever_way_was_moved(tmp_path, name, way):
+    """An uneven motion about neutral, and the same one backwards."""
+    alphas = way * np.array([0.0, 0.1, 0.5, 0.2, -0.1, -0.2])
+    source = csv_of(tmp_path / "moved.csv", NEUTRAL + alphas[:, None] * direction_of(name))
+    (only,) = json.loads(extract(source, "--json"))["components"]
+    np.testing.assert_allclose(np.ravel(only["direction"]), direction_of(name), atol=1e-9)
+    low, high = sorted((alphas - alphas.mean())[[alphas.argmin(), alphas.argmax()]])
+    assert only["alpha_rad"] == pytest.approx([low, high], abs=1e-9)
+
+
+def two_patterns():
+    """Postures of turn and pitch at once with a tremor of the neck, and their shares of the variance, by algebra.
+
+    Sines and cosines of whole periods have no mean and are orthogonal to one another: the variance along a
+    direction is half the square of its amplitude.
+    """
+    phase = 2 * np.pi * np.arange(200) / 200
+    amplitudes = np.array([0.3, 0.6, 0.05])
+    tremor = np.zeros(45)
+    tremor[NAMES.index("neck_rotation")] = 1.0
+    directions = np.array([direction_of("turn"), direction_of("pitch"), tremor])
+    scores = np.array([np.cos(phase), np.sin(2 * phase), np.sin(31 * phase)]).T * amplitudes
+    return NEUTRAL + scores @ directions, directions, amplitudes**2 / (amplitudes**2).sum()
+
+
+def test_two_patterns_at_once_are_told_apart(tmp_path):
+    postures, directions, shares = two_patterns()
+    source = csv_of(tmp_path / "both.csv", postures)
+    values = json.loads(extract(source, "--json"))
+    assert values["postures"] == 200
+    for row, place in zip(values["components"], (1, 0, 2), strict=True):
+        assert row["explained_variance"] == pytest.approx(shares[place], rel=1e-9)
+        found = np.ravel(row["direction"])
+        assert abs(found @ directions[place]) == pytest.approx(1.0, abs=1e-9)
+    for component, name in ((1, "pitch"), (2, "turn")):
+        out = tmp_path / f"{name}.yaml"
+        extract(source, "--component", str(component), "--out", str(out))
+        np.testing.assert_allclose(components(out), direction_of(name), atol=1e-8)
+
+
+def test_with_noise_they_are_the_eigenvectors_of_the_covariance():
+    postures, directions, _ = two_patterns()
+    postures = postures + 0.01 * np.random.default_rng(1).normal(size=postures.shape)
+    found = principal_components(postures)
+    variances, vectors = np.linalg.eigh(np.cov(postures, rowvar=False))
+    np.testing.assert_allclose(found.shares, variances[::-1] / variances.sum(), atol=1e-12)
+    overlap = np.abs(found.directions.reshape(-1, 45) @ vectors[:, ::-1])
+    np.testing.assert_allclose(np.diag(overlap)[:3], 1.0, atol=1e-9)
+    # The noise turns a direction by about its own size over the motion's, here 0.01 over 0.3 / sqrt(2).
+    assert abs(found.directions[1].ravel() @ directions[0]) > 0.99
+    np.testing.assert_allclose(found.mean.ravel(), postures.mean(axis=0))
+
+
+def test_what_was_not_recorded_is_the_scenario_s_posture(tmp_path):
+    names = ["left_hip_rotation", "right_hip_rotation"]
+    degrees = np.deg2rad([[0.0, 0.0], [10.0, -10.0], [20.0, -20.0]])
+    out, mean = tmp_path / "hips.yaml", tmp_path / "mean.yaml"
+    extract(csv_of(tmp_path / "hips.csv", degrees, names), "--out", str(out), "--mean", str(mean))
+    expected = np.zeros(45)
+    expected[[NAMES.index(name) for name in names]] = np.array([1.0, -1.0]) / np.sqrt(2.0)
+    np.testing.assert_allclose(components(out), expected, atol=1e-8)
+    posture = posture_angles(load_scenario("bank_recovery", {"posture": str(mean)}).posture).ravel()
+    changed = NEUTRAL.copy()
+    changed[[NAMES.index(name) for name in names]] = np.deg2rad([10.0, -10.0])
+    np.testing.assert_allclose(posture, changed, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("postures", "arguments", "words"),
+    [
+        (np.tile(NEUTRAL, (4, 1)), [], "do not move"),
+        (two_patterns()[0], ["--component", "4"], "move along 3 directions"),
+        (two_patterns()[0], ["--component", "0"], "from 1 to 3"),
+        (two_patterns()[0], ["--out", "pattern.txt"], "must end in .yaml"),
+        (two_patterns()[0], ["--mean", "nowhere/mean.yaml"], "a folder that exists"),
+    ],
+)
+def test_what_cannot_be_extracted_is_refused(tmp_path, postures, arguments, words):
+    source = csv_of(tmp_path / "moved.csv", postures)
+    result = CliRunner().invoke(main, ["pattern", "extract", str(source), *arguments])
+    assert result.exit_code == 2
+    assert words in result.output
