@@ -242,19 +242,32 @@ def extract(
 @click.option("--subject", metavar="NAME", help="Who falls, instead of the scenario's subject.")
 @_within
 @_settings
+@click.option(
+    "--reachable",
+    is_flag=True,
+    help="Fly fast turns of growing amplitude, too, and tell the largest one tracked.",
+)
 @_json
+@_quiet
 def trim(
-    posture: str | None, subject: str | None, scenario: str, settings: tuple[str, ...], as_json: bool
+    posture: str | None,
+    subject: str | None,
+    scenario: str,
+    settings: tuple[str, ...],
+    reachable: bool,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
     """Find the straight fall of POSTURE, linearise it, and tell how it turns.
 
     POSTURE is a name below config/postures. The scenario's own posture, which is also taken without POSTURE, is
     first moved, by as little as it takes, to fall straight down at the scenario's initial pitch; any other posture
-    is held as it is and may glide.
+    is held as it is and may glide. The fast turns of --reachable (0.2 Hz, UTC, about a minute of flights) start
+    from the straight fall of the posture, moved so in either case.
     """
     from skydiver_utc.verbs.trim import trim as tell
 
-    tell(posture, subject, scenario, settings, as_json)
+    tell(posture, subject, scenario, settings, reachable, as_json, quiet)
 
 
 @main.command()

@@ -102,7 +102,14 @@ def straight_fall(scenario: Scenario, posture: Posture, pitch_deg: float) -> Tri
 
 
 def in_straight_fall(scenario: Scenario) -> Scenario:
-    """The scenario with its posture moved, by as little as it takes, to fall straight down at its initial pitch."""
+    """The scenario with its posture moved, by as little as it takes, to fall straight down at its initial pitch.
+
+    The initial speed becomes that of this fall.
+    """
     found = straight_fall(scenario, scenario.posture, scenario.initial.pitch_deg)
-    posture = msgspec.structs.replace(scenario.posture, joint_angles_deg=joint_rows(np.rad2deg(found.angles)))
-    return msgspec.structs.replace(scenario, posture=posture)
+    replace = msgspec.structs.replace
+    return replace(
+        scenario,
+        posture=replace(scenario.posture, joint_angles_deg=joint_rows(np.rad2deg(found.angles))),
+        initial=replace(scenario.initial, fall_speed_m_s=found.speed),
+    )

@@ -19,6 +19,7 @@ from skydiver_utc.plant.modes import Mode, modes
 from skydiver_utc.plant.steady import HeldBody, SteadyFall, straight_falls
 from skydiver_utc.plant.trim import in_straight_fall
 from skydiver_utc.plant.yaw import steady_yaw_rates, yaw_acceleration
+from skydiver_utc.verbs.screen import flight_progress
 from skydiver_utc.verbs.settings import load
 
 Array = NDArray[np.float64]
@@ -29,7 +30,13 @@ _DAMPING_SHARES = (1 / 12, 1 / 3, 2 / 3, 1.0)
 
 
 def trim(
-    posture: str | None, subject: str | None, scenario_name: str, settings: Sequence[str], as_json: bool
+    posture: str | None,
+    subject: str | None,
+    scenario_name: str,
+    settings: Sequence[str],
+    reachable: bool,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
     """Find the straight fall and print what is known about it."""
     named = {"posture": posture, "subject": subject}
@@ -38,10 +45,22 @@ def trim(
     if posture is None or scenario.posture == load(scenario_name, settings).posture:
         scenario = in_straight_fall(scenario)
     values = report(scenario)
+    if reachable:
+        values["reachable_turn_deg_s"] = _reachable(scenario, quiet)
     if as_json:
         print(json.dumps(values, indent=2))
     else:
         _show(values)
+
+
+def _reachable(scenario: Scenario, quiet: bool) -> int:
+    from skydiver_utc.verbs.reachable import reachable_amplitude, tracked
+
+    def is_tracked(turn: Scenario) -> bool:
+        with flight_progress(turn, quiet) as progress:
+            return tracked(turn, progress)
+
+    return reachable_amplitude(scenario, is_tracked)
 
 
 def report(scenario: Scenario) -> dict[str, Any]:
@@ -115,6 +134,9 @@ def _of_turning(model: PlantModel, fall: SteadyFall) -> dict[str, Any]:
 def _show(values: dict[str, Any]) -> None:
     console = Console()
     console.print(_table_of_fall(values), _table_of_modes(values), _table_of_turning(values))
+    if "reachable_turn_deg_s" in values:
+        reached = f"largest fast turn that is tracked: {values['reachable_turn_deg_s']} deg/s"
+        console.print(Text(reached), soft_wrap=True)
     for other in values["other_falls"]:
         console.print(
             Text(

@@ -1,0 +1,64 @@
+"""The largest fast turn that a subject flies.
+
+The fast turn is that of fast_turn_unknown_dynamics (0.2 Hz, 20 s) with other amplitudes. An amplitude is reached
+when it and every smaller one, from 200 deg/s on in steps of 10 deg/s, is tracked: the error within 5 % of the
+amplitude for good from 2 s on. The damping's reference area and length are scaled with the subject's areas and
+height.
+"""
+
+from collections.abc import Callable
+from itertools import count
+
+import msgspec
+
+from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.body.segments import area_scale
+from skydiver_utc.parameters import Scenario, SineReference, load_scenario
+from skydiver_utc.plant.trim import in_straight_fall
+from skydiver_utc.simulation.closed_loop import simulate
+
+FAST_TURN = "fast_turn_unknown_dynamics"
+_FIRST_DEG_S, _STEP_DEG_S = 200, 10
+_SETTLED_S = 2.0
+
+replace = msgspec.structs.replace
+
+
+def reachable_amplitude(scenario: Scenario, is_tracked: Callable[[Scenario], bool]) -> int:
+    """Largest amplitude [deg/s] up to which every one is tracked; 0 if not even the first."""
+    turn = fast_turn(scenario)
+    assert isinstance(turn.reference, SineReference)
+    for amplitude in count(_FIRST_DEG_S, _STEP_DEG_S):
+        reference = replace(turn.reference, amplitude_deg_s=float(amplitude))
+        if not is_tracked(replace(turn, name=f"{amplitude} deg/s", reference=reference)):
+            return amplitude - _STEP_DEG_S if amplitude > _FIRST_DEG_S else 0
+    raise AssertionError
+
+
+def fast_turn(scenario: Scenario) -> Scenario:
+    """The fast turn of a scenario's subject in its posture, which is first moved to fall straight."""
+    falling, person = in_straight_fall(scenario), scenario.subject
+    turn, damping = load_scenario(FAST_TURN), scenario.plant.damping
+    taller = person.height_m / person.suit.reference_height_m
+    scaled = replace(
+        damping,
+        reference_area_m2=damping.reference_area_m2 * area_scale(person),
+        reference_length_m=damping.reference_length_m * taller,
+    )
+    start = falling.initial
+    return replace(
+        turn,
+        air=scenario.air,
+        plant=replace(scenario.plant, damping=scaled),
+        subject=person,
+        posture=falling.posture,
+        pattern=scenario.pattern,
+        initial=replace(turn.initial, fall_speed_m_s=start.fall_speed_m_s, pitch_deg=start.pitch_deg),
+    )
+
+
+def tracked(scenario: Scenario, progress: Callable[[int, int], None] | None = None) -> bool:
+    """Whether a flight converges within the time allowed, and stays converged."""
+    values = metrics(simulate(scenario, progress))
+    since = values["convergence_time_s"]
+    return values["outcome"] == "completed" and since is not None and since <= _SETTLED_S

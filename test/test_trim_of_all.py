@@ -1,0 +1,100 @@
+"""Every posture with every subject and suit has its straight fall; and the amplitude that a subject reaches."""
+
+import json
+import re
+from pathlib import Path
+
+import msgspec
+import pytest
+from click.testing import CliRunner
+
+from skydiver_utc.cli import main
+from skydiver_utc.parameters import load_scenario
+from skydiver_utc.parameters.loading import config_folder
+from skydiver_utc.verbs.reachable import fast_turn, reachable_amplitude, tracked
+
+POSTURES = sorted(path.stem for path in (config_folder() / "postures").glob("*.yaml"))
+SUBJECTS = sorted(path.stem for path in (config_folder() / "subjects").glob("*.yaml"))
+SUITS = sorted(path.stem for path in (config_folder() / "suits").glob("*.yaml"))
+
+
+def trim(*arguments):
+    result = CliRunner().invoke(main, ["trim", *arguments])
+    return result.exit_code, result.output
+
+
+@pytest.mark.parametrize("suit", SUITS)
+@pytest.mark.parametrize("subject", SUBJECTS)
+@pytest.mark.parametrize("posture", POSTURES)
+def test_trim_of_every_posture_subject_and_suit(posture, subject, suit):
+    code, printed = trim(posture, "--subject", subject, "--set", f"subject.suit={suit}", "--json")
+    assert code == 0, printed
+    values = json.loads(printed)
+    assert (values["posture"], values["subject"]) == (posture, subject)
+    assert max(values["residual_m_s2"], values["residual_rad_s2"]) < 1e-6
+
+
+def table():
+    """Amplitude by subject, suit and posture, from docs/model.md."""
+    text = (Path(__file__).parents[1] / "docs" / "model.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| `(\w+)` \| `(\w+)` \|.* (\d+) \|$", text, re.MULTILINE)
+    return {tuple(names): int(amplitude) for *names, amplitude in rows}
+
+
+AMPLITUDES = table()
+
+
+def scenario_of(subject, suit, posture):
+    return load_scenario("bank_recovery", {"subject": subject, "subject.suit": suit, "posture": posture})
+
+
+def turn_at(names, amplitude):
+    turn = fast_turn(scenario_of(*names))
+    reference = msgspec.structs.replace(turn.reference, amplitude_deg_s=float(amplitude))
+    return msgspec.structs.replace(turn, reference=reference)
+
+
+def test_the_table_has_every_subject_and_suit():
+    assert {names[:2] for names in AMPLITUDES} == {(subject, suit) for subject in SUBJECTS for suit in SUITS}
+
+
+@pytest.mark.parametrize(
+    "names", [("light", "standard", "neutral_female_standard"), ("average", "formation", "neutral")]
+)
+def test_the_amplitude_of_the_table_is_tracked_and_the_next_is_not(names):
+    assert tracked(turn_at(names, AMPLITUDES[names]))
+    assert not tracked(turn_at(names, AMPLITUDES[names] + 10))
+
+
+@pytest.mark.parametrize(
+    ("fails_at", "reached"), [({200}, 0), ({210}, 200), ({350, 380}, 340), ({410, 420}, 400)]
+)
+def test_an_amplitude_counts_when_every_smaller_one_is_tracked(fails_at, reached):
+    flown = []
+
+    def is_tracked(turn):
+        flown.append(turn.reference.amplitude_deg_s)
+        return flown[-1] not in fails_at
+
+    assert reachable_amplitude(scenario_of("average", "formation", "neutral"), is_tracked) == reached
+    assert flown == [float(a) for a in range(200, min(fails_at) + 1, 10)]
+
+
+def test_the_fast_turn_is_the_subject_s_own():
+    """Its speed where drag carries the weight, and the damping's S L^2 larger with the body."""
+    average, heavy = (fast_turn(scenario_of(s, "formation", "neutral")) for s in ("average", "heavy"))
+    assert average.initial.fall_speed_m_s == pytest.approx(57.22, abs=0.01)
+    assert heavy.initial.fall_speed_m_s > 59
+    damping = average.plant.damping
+    assert (damping.reference_area_m2, damping.reference_length_m) == pytest.approx((1.4, 1.78))
+    # 98 kg and 1.88 m instead of 80 kg and 1.78 m: areas with the root of mass times height.
+    larger = heavy.plant.damping
+    assert larger.reference_length_m == pytest.approx(1.88)
+    assert larger.reference_area_m2 == pytest.approx(1.4 * (98 / 80 * 1.88 / 1.78) ** 0.5)
+
+
+def test_trim_tells_the_amplitude_when_it_is_asked_for(monkeypatch):
+    monkeypatch.setattr("skydiver_utc.verbs.reachable.tracked", lambda turn, _: "240" not in turn.name)
+    assert json.loads(trim("--reachable", "--json")[1])["reachable_turn_deg_s"] == 230
+    assert "largest fast turn that is tracked: 230 deg/s" in trim("--reachable")[1]
+    assert "reachable_turn_deg_s" not in json.loads(trim("--json")[1])
