@@ -237,6 +237,36 @@ def extract(
     )
 
 
+@pattern.command("import", short_help="Make a path of measured postures, to be flown.")
+@click.argument("source", metavar="FILE.csv")
+@click.option(
+    "--out", required=True, metavar="FILE.yaml", help="Write the path here, its first posture beside it."
+)
+@click.option("--posture", metavar="NAME", help="Whose joint angles are taken where the file has none.")
+@click.option(
+    "--tolerance",
+    default=0.5,
+    show_default=True,
+    type=click.FloatRange(min=0.0),
+    metavar="DEG",
+    help="How far the path may be from a posture that is left out.",
+)
+@_within
+@_settings
+def import_(
+    source: str, out: str, posture: str | None, tolerance: float, scenario: str, settings: tuple[str, ...]
+) -> None:
+    """Make a path of measured postures, to be flown open loop in the time that they were measured in.
+
+    FILE.csv holds time_s and joint angles in degrees (docs/patterns.md); a run folder or a bag will do, too. As
+    many postures are kept as the tolerance needs; how many, and how far the path is from the others, is printed
+    with the command that flies it.
+    """
+    from skydiver_utc.verbs.pattern_import import import_motion
+
+    import_motion(Path(source), Path(out), posture, tolerance, scenario, settings)
+
+
 @main.command(short_help="Find the straight fall of POSTURE, its modes and its turning.")
 @click.argument("posture", metavar="[POSTURE]", required=False)
 @click.option("--subject", metavar="NAME", help="Who falls, instead of the scenario's subject.")

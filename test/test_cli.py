@@ -45,7 +45,7 @@ def with_setting(setting: str) -> str:
     return refused("simulate", SCENARIO, "--set", setting)
 
 
-PATTERN = [["pattern", verb] for verb in ("neutral", "design", "show", "extract")]
+PATTERN = [["pattern", verb] for verb in ("neutral", "design", "show", "extract", "import")]
 
 
 @pytest.mark.parametrize("verb", [[], ["run"], ["simulate"], ["analyse"], ["scenarios"], ["trim"], *PATTERN])
