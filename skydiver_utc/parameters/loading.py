@@ -22,6 +22,17 @@ _NAMED = {
     "posture": "postures",
     "pattern": "patterns",
 }
+# What msgspec calls the things of a YAML file.
+_PLAIN_WORDS = {
+    "`array` of length": "a list of length",
+    "`array`": "a list",
+    "`object`": "a block of named values",
+    "`null`": "nothing",
+    "`float`": "a number",
+    "`int`": "a whole number",
+    "`str`": "a text",
+    "`bool`": "true or false",
+}
 
 
 def config_folder() -> Path:
@@ -72,6 +83,10 @@ def _scenario_path(name_or_path: str) -> Path:
         return path
     names = scenario_names()
     if name_or_path not in names:
+        kinds = _kinds_with(path, unknown[1])
+        if kinds:
+            own = (_value_at(content, path) or {}).get("kind")
+            return f"parameter {name} is one of kind {' and '.join(kinds)}, {path}.kind is {own}: change one of them"
         close = difflib.get_close_matches(name_or_path, names, 1)
         hint = f"did you mean {close[0]}" if close else f"choose one of {', '.join(names)}"
         raise ParameterError(f"there is no scenario {name_or_path!r}: {hint}")
@@ -159,6 +174,10 @@ def _sentence(message: str, content: dict[str, Any]) -> str:
     unknown = re.search(r"unknown field `(.+)`", fault)
     if unknown:
         name = f"{path}.{unknown[1]}" if path else unknown[1]
+        kinds = _kinds_with(path, unknown[1])
+        if kinds:
+            own = (_value_at(content, path) or {}).get("kind")
+            return f"parameter {name} is one of kind {' and '.join(kinds)}, {path}.kind is {own}: change one of them"
         close = difflib.get_close_matches(unknown[1], _field_names(path), 1)
         return f"unknown parameter {name}: " + (f"did you mean {close[0]}" if close else "take it out")
     missing = re.search(r"missing required field `(.+)`", fault)
@@ -170,6 +189,8 @@ def _sentence(message: str, content: dict[str, Any]) -> str:
     choices = _choices(path)
     if choices and isinstance(value, str):
         return f"parameter {path}: there is no {value!r}, choose one of {', '.join(choices)}"
+    for jargon, plain in _PLAIN_WORDS.items():
+        fault = fault.replace(jargon, plain)
     found = f", found {value!r}" if isinstance(value, str | int | float | bool) else ""
     return f"parameter {path}: {fault[:1].lower()}{fault[1:]}{found}"
 
@@ -188,6 +209,12 @@ def _value_at(content: Any, path: str) -> Any:
 def _field_names(path: str) -> list[str]:
     """Names that may stand at `path`, over all kinds that the place admits."""
     return [f.name for t in _types_at(path) if isinstance(t, msgspec.inspect.StructType) for f in t.fields]
+
+
+def _kinds_with(path: str, name: str) -> list[str]:
+    """The kinds that have a field of a name, where `path` admits several."""
+    structs = [t for t in _types_at(path) if isinstance(t, msgspec.inspect.StructType)]
+    return [str(t.tag) for t in structs if t.tag_field and name in [f.name for f in t.fields]]
 
 
 def _choices(path: str) -> list[str]:
