@@ -83,10 +83,6 @@ def _scenario_path(name_or_path: str) -> Path:
         return path
     names = scenario_names()
     if name_or_path not in names:
-        kinds = _kinds_with(path, unknown[1])
-        if kinds:
-            own = (_value_at(content, path) or {}).get("kind")
-            return f"parameter {name} is one of kind {' and '.join(kinds)}, {path}.kind is {own}: change one of them"
         close = difflib.get_close_matches(name_or_path, names, 1)
         hint = f"did you mean {close[0]}" if close else f"choose one of {', '.join(names)}"
         raise ParameterError(f"there is no scenario {name_or_path!r}: {hint}")
@@ -177,7 +173,8 @@ def _sentence(message: str, content: dict[str, Any]) -> str:
         kinds = _kinds_with(path, unknown[1])
         if kinds:
             own = (_value_at(content, path) or {}).get("kind")
-            return f"parameter {name} is one of kind {' and '.join(kinds)}, {path}.kind is {own}: change one of them"
+            others = " and ".join(kinds)
+            return f"parameter {name} is one of kind {others}, {path}.kind is {own}: change one of them"
         close = difflib.get_close_matches(unknown[1], _field_names(path), 1)
         return f"unknown parameter {name}: " + (f"did you mean {close[0]}" if close else "take it out")
     missing = re.search(r"missing required field `(.+)`", fault)
