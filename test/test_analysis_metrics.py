@@ -22,6 +22,7 @@ KEYS = [
     "max_abs_error_deg_s",
     "convergence_time_s",
     "peak_yaw_rate_deg_s",
+    "rmse_rotating_deg_s",
     "angle_error_deg",
     "overshoot_deg",
     "control_effort",

@@ -125,13 +125,14 @@ def _draw_title(figure: Figure, flight: Flight, values: dict[str, Any]) -> None:
 def _draw_rate(axes: Axes, flight: Flight) -> None:
     """The tracked rate over its reference; the pitch rate alone where the reference is for the pattern angle."""
     flown = np.rad2deg(flight.pitch_rate if flight.tracked is None else flight.tracked)
-    reach = max(_largest(flown), 1.0)
+    shown, room = flown[np.isfinite(flown)], np.inf
     if flight.tracked is not None:
         asked = np.rad2deg(flight.reference)
         axes.plot(flight.time_s, asked, color=ORANGE, linewidth=4.5, alpha=0.75, label="reference")
-        reach = min(max(reach, _largest(asked)), _room(flight))
+        shown, room = np.append(shown, asked), _room(flight)
     axes.plot(flight.time_s, flown, color=BLUE, linewidth=1.3, label="flown")
-    axes.set_ylim(-1.12 * reach, 1.12 * reach)
+    low, high = max(min(shown.min(), -1.0), -room), min(max(shown.max(), 1.0), room)
+    axes.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
     axes.set_ylabel(_RATES[flight.scenario.reference.signal])
     if flight.tracked is not None:
         _shade_settling(axes, flight)

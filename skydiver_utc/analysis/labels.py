@@ -7,6 +7,7 @@ _ROWS = (
     ("max_abs_error_deg_s", "largest error from 2 s on", "deg/s", ".2f"),
     ("convergence_time_s", "inside 5 % for good from", "s", ".2f"),
     ("peak_yaw_rate_deg_s", "peak yaw rate from 2 s on", "deg/s", ".1f"),
+    ("rmse_rotating_deg_s", "RMSE while it is to turn", "deg/s", ".2f"),
     ("angle_error_deg", "angle turned less wanted", "deg", ".1f"),
     ("overshoot_deg", "overshoot", "deg", ".1f"),
     ("facing", "at the end", "", ""),
@@ -18,7 +19,7 @@ _ROWS = (
     ("simulated_time_s", "simulated time", "s", ".2f"),
     ("wall_time_s", "wall time", "s", ".2f"),
 )
-_OF_ROTATION = ("angle_error_deg", "overshoot_deg")
+_OF_ROTATION = ("rmse_rotating_deg_s", "angle_error_deg", "overshoot_deg")
 
 
 class Row(NamedTuple):

@@ -37,9 +37,10 @@ def metrics(flight: Flight) -> dict[str, Any]:
         scenario's initial control.
     solve_time_us
         median and 99th percentile of one controller call.
-    angle_error_deg, overshoot_deg
-        of a reference that rotates by an angle: angle turned at the end less the angle wanted, and how far the
-        angle turned ever went beyond the wanted one; None for other references.
+    rmse_rotating_deg_s, angle_error_deg, overshoot_deg
+        of a reference that rotates by an angle: RMSE from its start to its end, angle turned at the end of the
+        flight less the angle wanted, and how far the angle turned ever went beyond the wanted one; None for
+        other references, and for a flight that ends before the rotation does.
     facing, facing_since_s
         which side faces the earth at the end of a flight, and since when the dorsal axis has stayed within 45
         deg of the vertical for that; facing is "neither" where it is not.
@@ -65,7 +66,7 @@ def metrics(flight: Flight) -> dict[str, Any]:
         "max_abs_error_deg_s": None if error is None else _finite(_largest(error[settled])),
         "convergence_time_s": None if error is None or not to_its_end else convergence_time(error, scenario),
         "peak_yaw_rate_deg_s": _finite(_largest(yaw_rate[settled])),
-        **_of_rotation(turned, scenario),
+        **_of_rotation(error, turned, scenario),
         "control_effort": _finite(control_effort(flight.applied, scenario)),
         "solve_time_us": solve_time_us(flight.solve_time_s),
         "wall_time_s": _finite(flight.wall_time_s),
@@ -115,16 +116,19 @@ def faces(flight: Flight) -> tuple[str, float | None]:
     return "neither", None
 
 
-def _of_rotation(turned: Floats, scenario: Scenario) -> dict[str, float | None]:
+def _of_rotation(error: Floats | None, turned: Floats, scenario: Scenario) -> dict[str, float | None]:
     reference = scenario.reference
-    if not isinstance(reference, RotationReference):
-        return {"angle_error_deg": None, "overshoot_deg": None}
+    names = ("rmse_rotating_deg_s", "angle_error_deg", "overshoot_deg")
+    if error is None or not isinstance(reference, RotationReference):
+        return dict.fromkeys(names)
+    start = first_step_from(reference.start_s, scenario)
+    end = first_step_from(reference.start_s + reference.duration_s, scenario)
+    if end >= len(error):
+        return dict.fromkeys(names)
     wanted = reference.angle_deg
     beyond = float(np.max(np.sign(wanted) * (turned - wanted)))
-    return {
-        "angle_error_deg": _finite(float(turned[-1] - wanted)),
-        "overshoot_deg": _finite(max(beyond, 0.0)),
-    }
+    values = (root_mean_square(error[start : end + 1]), float(turned[-1] - wanted), max(beyond, 0.0))
+    return {name: _finite(value) for name, value in zip(names, values, strict=True)}
 
 
 def first_step_from(time_s: float, scenario: Scenario) -> int:

@@ -71,7 +71,9 @@ class PostureReference(Parameters, frozen=True, tag_field="kind", tag="posture")
 
     def __post_init__(self) -> None:
         times = [time_s for time_s, _ in self.points]
-        if not times or any(after <= before for before, after in pairwise(times)):
+        if not times:
+            raise ValueError("the reference has no points: give at least one, [time, alpha]")
+        if any(after <= before for before, after in pairwise(times)):
             raise ValueError(
                 f"the points must be in the order of growing time, they are at {times}: sort them"
             )

@@ -4,10 +4,13 @@ import math
 from typing import Annotated
 
 from skydiver_utc.parameters.body import Pattern, Posture, Subject
-from skydiver_utc.parameters.controller import Controller, OpenLoopParameters
+from skydiver_utc.parameters.controller import Controller, OpenLoopParameters, UtcParameters
 from skydiver_utc.parameters.fields import Parameters, quantity, text
 from skydiver_utc.parameters.plant import Air, InitialCondition, PlantParameters
-from skydiver_utc.parameters.reference import Reference
+from skydiver_utc.parameters.reference import PostureReference, Reference, RotationReference
+
+# Fewer steps would not show a rotation's rise and fall.
+_SHORTEST_ROTATION = 10
 
 
 class Scenario(Parameters, frozen=True, kw_only=True):
@@ -45,10 +48,31 @@ class Scenario(Parameters, frozen=True, kw_only=True):
                 " change controller.kind or reference.kind"
             )
         limits = self.plant.limits
+        self._refuse_angles_beyond(limits.alpha)
         for name in ("Cm_damp_yaw", "k_right", "k_left", "alpha"):
             lower, upper = getattr(limits, name)
             if not lower <= getattr(self.initial, name) <= upper:
                 raise ValueError(f"initial.{name} must lie inside its limits [{lower}, {upper}]")
+
+    def _refuse_angles_beyond(self, alphas: tuple[float, float]) -> None:
+        asked: list[tuple[str, float]] = []
+        if isinstance(self.reference, PostureReference):
+            asked += [(f"reference.points at {time_s:g} s", alpha) for time_s, alpha in self.reference.points]
+        if isinstance(self.controller, UtcParameters) and self.controller.alpha_at_rest is not None:
+            asked.append(("controller.alpha_at_rest", self.controller.alpha_at_rest))
+        for name, alpha in asked:
+            if not alphas[0] <= alpha <= alphas[1]:
+                raise ValueError(
+                    f"{name} asks for alpha = {alpha:g}, plant.limits.alpha is {list(alphas)}: change one"
+                )
+        if (
+            isinstance(self.reference, RotationReference)
+            and self.reference.duration_s < _SHORTEST_ROTATION * self.dt_s
+        ):
+            raise ValueError(
+                f"reference.duration_s must be at least {_SHORTEST_ROTATION} steps of dt_s, it is"
+                f" {self.reference.duration_s}: the reference would not be seen"
+            )
 
     @property
     def dt_ns(self) -> int:

@@ -13,6 +13,8 @@ from skydiver_utc.plant.skydiver import CONTROL_NAMES
 from skydiver_utc.simulation.prediction import SkydiverPrediction
 
 Array = NDArray[np.float64]
+# How fast alpha goes to rest, so that the limbs do not jerk the body.
+_SHARE_OF_SLEW_AT_REST = 0.1
 
 
 class SkydiverUtc:
@@ -87,7 +89,9 @@ class SkydiverUtc:
         """The control that the flight began with, at another pattern angle [rad]; no feedback."""
         wanted = self._initial.copy()
         wanted[3] = alpha
-        control = self._limits.apply(wanted, self._utc.control)
+        slew = self._limits.slew.copy()
+        slew[3] *= _SHARE_OF_SLEW_AT_REST
+        control = self._limits._replace(slew=slew).apply(wanted, self._utc.control)
         self._utc.reset(control, self._utc.covariance)
         rate = float(state[self._tracked])
         return Decision(control, self._telemetry(rate, -rate, 0.0), Status.SOLVED)

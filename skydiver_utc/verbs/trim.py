@@ -10,9 +10,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from skydiver_utc.body.posture import configuration, posture_angles
+from skydiver_utc.body.posture import configuration, posture_angles, refuse_beyond
 from skydiver_utc.body.segments import build_body
-from skydiver_utc.parameters import ParameterError, Scenario
+from skydiver_utc.parameters import ParameterError, PosturePath, Scenario
 from skydiver_utc.plant.linearise import linearise
 from skydiver_utc.plant.model import PlantModel, build_model
 from skydiver_utc.plant.modes import Mode, modes
@@ -65,6 +65,7 @@ def _reachable(scenario: Scenario, quiet: bool) -> int:
 
 def report(scenario: Scenario) -> dict[str, Any]:
     """What `trim` tells of a scenario's posture and subject, plain data."""
+    _check(scenario)
     body, model = build_body(scenario.subject), build_model(scenario)
     placed = configuration(body, posture_angles(scenario.posture))
     try:
@@ -87,6 +88,21 @@ def report(scenario: Scenario) -> dict[str, Any]:
         "other_falls": [_of_fall(other) for other in others],
         "turning": _of_turning(model, fall),
     }
+
+
+def _check(scenario: Scenario) -> None:
+    """Refuse what has no posture at rest at pattern angle 0, and a posture that the body cannot take."""
+    posture, pattern, (lowest, largest) = scenario.posture, scenario.pattern, scenario.plant.limits.alpha
+    if isinstance(pattern, PosturePath):
+        raise ParameterError(
+            f"pattern {pattern.name} is a path through postures, trim tells what a posture does with a movement"
+            " pattern: choose another --scenario, or --set pattern=turn"
+        )
+    if not lowest <= 0.0 <= largest:
+        raise ParameterError(
+            f"plant.limits.alpha from {lowest:g} to {largest:g} leaves out 0, the posture at rest: widen it"
+        )
+    refuse_beyond(scenario.subject.joint_limits, posture_angles(posture), f"posture {posture.name}")
 
 
 def _of_fall(fall: SteadyFall) -> dict[str, Any]:
