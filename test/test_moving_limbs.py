@@ -64,7 +64,7 @@ def total_angular_momentum(scenario, state, alpha, rate):
     ("dt", "nodes", "bound"), [(0.001, 1025, 1e-9), (0.0042, 65, 5e-7)], ids=["fine", "as flown"]
 )
 def test_angular_momentum_is_kept_in_vacuum(spin, dt, nodes, bound):
-    """Arms swung out and back for 1.5 s: the body turns, the total stays, in kg m2/s, to what docs/model.md says."""
+    """Arms swung out and back for 1.5 s: the body turns, the total [kg m2/s] stays as docs/model.md says."""
     scenario = arms_scenario(**{"plant.pattern_nodes": nodes})
     plant = in_vacuum(scenario)
     plant.model = plant.model._replace(dt=dt, alpha_slew=3.5 * dt)
