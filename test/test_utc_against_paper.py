@@ -11,7 +11,7 @@ from skydiver_utc.control.coupling import CouplingSchedule
 from skydiver_utc.control.limits import ControlLimits
 from skydiver_utc.control.pose import PoseController
 from skydiver_utc.control.protocol import Status
-from skydiver_utc.control.utc import UnscentedTransformController
+from skydiver_utc.control.utc import UtcLaw
 from skydiver_utc.parameters import PoseControllerParameters, UtcParameters, load_scenario
 from skydiver_utc.plant.dynamics import WORK_SIZE, rk4_step
 from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
@@ -46,7 +46,7 @@ def test_linear_oracle(m, outputs, W0):
         y[:] = points @ B.T
         saved[:] = points
 
-    controller = UnscentedTransformController(predict, unlimited(m), R, W0)
+    controller = UtcLaw(predict, unlimited(m), R, W0)
     controller.reset(u0, Pu)
     Qu = dense_covariance(rng, m)
     step = controller.step(np.zeros(1), np.zeros(1), r, Qu)
@@ -125,7 +125,7 @@ def test_one_step_equals_the_paper(seed, move):
     signs = rng.choice([-1.0, 1.0], 3)
     Pu, Qu = paper.initial_covariance(*signs), paper.process_noise(*signs)
     x, r = rng.normal(0, 3, 1), rng.normal(0, 3, 21)
-    controller = UnscentedTransformController(
+    controller = UtcLaw(
         toy_predict(20), PAPER_LIMITS, np.array([[1e-4]]), 0.25, move_unclipped=move == "unclipped"
     )
     controller.reset(U, Pu)
@@ -261,7 +261,7 @@ def test_a_diverging_prediction_keeps_the_previous_control(bad):
         y[3] = bad
         saved[:] = points
 
-    controller = UnscentedTransformController(predict, PAPER_LIMITS, np.array([[1e-4]]), 0.25)
+    controller = UtcLaw(predict, PAPER_LIMITS, np.array([[1e-4]]), 0.25)
     controller.reset(np.array(paper.U_INITIAL), paper.initial_covariance(1, -1, -1))
     covariance = controller.covariance.copy()
     step = controller.step(np.zeros(1), np.zeros(1), np.ones(1), paper.process_noise(1, -1, -1))

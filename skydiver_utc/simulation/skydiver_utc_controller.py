@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from skydiver_utc.control.coupling import CouplingSchedule
 from skydiver_utc.control.limits import ControlLimits
 from skydiver_utc.control.protocol import Decision, Status
-from skydiver_utc.control.utc import UnscentedTransformController
+from skydiver_utc.control.utc import UtcLaw
 from skydiver_utc.parameters import UtcParameters
 from skydiver_utc.plant.model import PlantModel
 from skydiver_utc.plant.skydiver import CONTROL_NAMES
@@ -45,7 +45,7 @@ class SkydiverUtc:
         self._kept += [initial_fall_rate] * (parameters.P_err_fall_rate > 0.0)
         m = len(CONTROL_NAMES)
         printed = np.full(2 * m + 1, (1.0 - parameters.W0) / (2 * m))
-        self._utc = UnscentedTransformController(
+        self._utc = UtcLaw(
             self._prediction,
             limits,
             P_err=np.diag(
