@@ -257,8 +257,7 @@ def test_pose_controller_equals_eq_lim():
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_diverging_prediction_keeps_the_previous_control(bad):
     def predict(state, applied, points, preview, y, saved):
-        y[:] = 1.0
-        y[3] = bad
+        y[:] = bad
         saved[:] = points
 
     controller = UtcLaw(predict, PAPER_LIMITS, np.array([[1e-4]]), 0.25)
@@ -266,9 +265,37 @@ def test_a_diverging_prediction_keeps_the_previous_control(bad):
     covariance = controller.covariance.copy()
     step = controller.step(np.zeros(1), np.zeros(1), np.ones(1), paper.process_noise(1, -1, -1))
     assert step.status is Status.KEPT_PREVIOUS
+    assert np.isfinite(step.predicted).all()
+    assert np.isfinite(step.innovation).all()
     np.testing.assert_array_equal(step.control, paper.U_INITIAL)
     assert np.isfinite(controller.covariance).all()
     np.testing.assert_allclose(controller.covariance, paper.repair(covariance, 1e-9), atol=1e-12)
+
+
+@pytest.mark.parametrize("lost", [[3], [0, 2], [1, 2, 3, 4]])
+def test_a_point_that_diverges_counts_no_more(lost):
+    """The update is eq:xpred to eq:utc_controller over the other points, their weights scaled to sum to one."""
+    rng = np.random.default_rng(8)
+    m, Pu, Qu, u0 = 3, dense_covariance(rng, 3), dense_covariance(rng, 3), rng.normal(size=3)
+    B, R, r = rng.normal(size=(2, m)), np.diag([0.1, 0.2]), rng.normal(size=2)
+    drawn = paper.sigma_points(u0, Pu, 0.25)
+
+    def predict(state, applied, points, preview, y, saved):
+        y[:] = points @ B.T
+        y[lost] = np.nan
+        saved[:] = points
+
+    controller = UtcLaw(predict, unlimited(m), R, 0.25)
+    controller.reset(u0, Pu)
+    step = controller.step(np.zeros(1), np.zeros(1), r, Qu)
+    left = np.delete(drawn, lost, axis=0)
+    W = np.delete(paper.weights(m, 0.25), lost)
+    W = W / W.sum()
+    U_pred, Pu_pred = paper.predict(left, W, Qu)
+    expected = paper.update(U_pred, Pu_pred, left, left @ B.T, W, r, R)
+    np.testing.assert_allclose(step.control, expected.U, rtol=1e-10)
+    np.testing.assert_allclose(controller.covariance, expected.Pu, rtol=1e-9, atol=1e-10)
+    assert (step.status, step.lost) == (Status.REPAIRED, len(lost))
 
 
 def test_further_outputs_equal_the_paper_with_three_outputs():
