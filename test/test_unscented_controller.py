@@ -1,6 +1,7 @@
 """The library's controller against textbook UTC on random plants, and against what users do to controllers."""
 
 import re
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -282,6 +283,23 @@ def test_points_that_diverge_are_left_out(plant):
     assert abs(x[0]) < 1e-3
 
 
+def test_to_keep_the_control_when_a_point_diverges_would_lose_that_plant():
+    """Why points are left out: textbook UTC that keeps U and Pu instead, from the same start."""
+    nothing = np.array([np.inf])
+    problem = plain_utc.Problem(
+        escape, lambda x: x, 0.05, (20,), np.array([-8.0]), np.array([8.0]), nothing,
+        np.array([[1e-4]]), 0.25, 1e-9,
+    )  # fmt: skip
+    x, U, Pu = np.array([1.3]), np.zeros(1), np.array([[9.0]])
+    with np.errstate(all="ignore"):
+        for _ in range(40):
+            after, Pu_after, _ = plain_utc.step(U, Pu, x, np.zeros((21, 1)), np.array([[0.9]]), problem)
+            if np.isfinite(after).all():
+                U, Pu = after, Pu_after
+            x = escape(x, U, 0.05)
+    assert not np.isfinite(x).all()
+
+
 def test_when_all_points_diverge_the_previous_control_and_covariance_stay():
     drive = controller(escape, None, state=[0.0], control=0.5, dt=0.05, horizon=10, minimum=-8, maximum=8)
     before = drive.Pu
@@ -429,3 +447,14 @@ def test_a_jitted_plant_beside_an_output_that_cannot_be_compiled_is_named():
     not_arrays = object()
     with pytest.raises(ValueError, match="does not compile"):
         controller(numba.njit(cart), lambda x: 1.0 if not_arrays else 0.0)
+
+
+def test_the_quick_start_runs_as_printed(capsys):
+    """At most 25 lines; the pendulum hangs at 1 rad under 9.81 sin(1) = 8.255."""
+    page = (Path(__file__).parents[1] / "docs" / "library.md").read_text(encoding="utf-8")
+    code = page.partition("## Quick start")[2].partition("```python\n")[2].partition("```")[0]
+    assert 10 < len(code.splitlines()) <= 25
+    exec(code, {})
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.startswith("angle 1.0000 rad, control 8.255 +-")
+    assert second.startswith("Solved;")
