@@ -4,6 +4,7 @@ One text serves both: `_roll_out` is compiled when the plant is a numba function
 """
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numba
@@ -42,11 +43,7 @@ class RollOut:
     ) -> None:
         self.jitted = is_jitted(plant)
         dynamics = _held if control_dynamics is None else control_dynamics
-        if self.jitted:
-            functions = [_jit(function) for function in (_writing(plant), output, dynamics)]
-            self._roll_out = numba.njit(error_model="numpy")(_roll_out(*functions))
-        else:
-            self._roll_out = _roll_out(_diverging(_writing(plant)), output, dynamics)
+        self._roll_out = _compiled(plant, output, dynamics) if self.jitted else _plain(plant, output, dynamics)
         self._steps = np.array(steps, dtype=np.int64)
         self._own_dynamics = control_dynamics is not None
         self._dt = dt
@@ -78,6 +75,17 @@ class RollOut:
 def is_jitted(function: object) -> bool:
     """Whether numba can call the function from compiled code."""
     return isinstance(function, numba.core.dispatcher.Dispatcher)
+
+
+def _plain(plant: Any, output: Any, dynamics: Any) -> Any:
+    return _roll_out(_diverging(_writing(plant)), output, dynamics)
+
+
+@lru_cache(maxsize=64)
+def _compiled(plant: Any, output: Any, dynamics: Any) -> Any:
+    """The same functions again need no new compilation."""
+    functions = [_jit(function) for function in (_writing(plant), output, dynamics)]
+    return numba.njit(error_model="numpy")(_roll_out(*functions))
 
 
 def _jit(function: Any) -> Any:
