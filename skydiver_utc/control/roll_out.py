@@ -43,7 +43,9 @@ class RollOut:
     ) -> None:
         self.jitted = is_jitted(plant)
         dynamics = _held if control_dynamics is None else control_dynamics
-        self._roll_out = _compiled(plant, output, dynamics) if self.jitted else _plain(plant, output, dynamics)
+        self._roll_out = (
+            _compiled(plant, output, dynamics) if self.jitted else _plain(plant, output, dynamics)
+        )
         self._steps = np.array(steps, dtype=np.int64)
         self._own_dynamics = control_dynamics is not None
         self._dt = dt
