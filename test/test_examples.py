@@ -67,8 +67,8 @@ def test_admire():
 def test_quadcopter():
     """Three poles at 3/s: 6 s on, the start 2 m away is forgotten to 2 (1 + 18 + 162) exp(-18) m = 1e-5 m.
 
-    What remains is that the outputs hold for small angles: on the helix roll and pitch reach 1.28 / 9.81 = .13 rad, so
-    tan(angle) = angle is wrong by .13^3 / 3, in acceleration .007 m/s2, in place 3 / 3^2 of that, 2 mm. Ten times that.
+    What remains is that the outputs hold for small angles: on the helix roll and pitch reach 1.28 / 9.81 = .13 rad
+    and tan(angle) = angle is wrong by .13^3 / 3: .007 m/s2, and 3 / 3^2 of that in place, 2 mm. Ten times that.
     """
     from quadcopter import fly
 
