@@ -21,7 +21,7 @@ def fly(seconds=6.0):
     count, horizon = round(seconds / scenario.dt_s), parameters.horizon_steps
     k_hyst = parameters.k_hyst(scenario.dt_s)
     wanted = build_reference(scenario).preview(0, count + max(k_hyst + 1, horizon) + 1)
-    coupling = CouplingSchedule(parameters, k_hyst)
+    coupling = CouplingSchedule(parameters, k_hyst, scenario.dt_s)
     controller = UnscentedTransformController(
         lambda state, control, dt: rigid.step(state, control, control),
         output=lambda state: state[12],

@@ -213,7 +213,7 @@ def test_s14_over_the_whole_turn(recursion, sign):
     parameters = msgspec.structs.replace(
         scenario.controller, s14_recursion_reading=recursion, s14_sign_reading=sign
     )
-    schedule = CouplingSchedule(parameters, k_hyst=238)
+    schedule = CouplingSchedule(parameters, k_hyst=238, dt_s=DT)
     expected = paper.s14_sequence(reference, 238, scenario.steps, recursion, sign == "signed")
     got = [np.sign(schedule.process_noise(reference[k : k + 238 + 2])[0, 3]) for k in range(scenario.steps)]
     np.testing.assert_array_equal(got, expected)
@@ -224,7 +224,7 @@ def test_s14_over_the_whole_turn(recursion, sign):
 )
 def test_process_noise_signs(coupling, label):
     rng = np.random.default_rng(1)
-    schedule = CouplingSchedule(UtcParameters(coupling=coupling), k_hyst=2)
+    schedule = CouplingSchedule(UtcParameters(coupling=coupling), k_hyst=2, dt_s=DT)
     raw = -1.0
     for _ in range(50):
         r = rng.normal(size=4)
@@ -235,7 +235,7 @@ def test_process_noise_signs(coupling, label):
 
 
 def test_initial_covariance_is_the_printed_one():
-    schedule = CouplingSchedule(UtcParameters(), k_hyst=2)
+    schedule = CouplingSchedule(UtcParameters(), k_hyst=2, dt_s=DT)
     np.testing.assert_array_equal(
         schedule.initial_covariance(np.array([1.0, 1.0, 1.0, 1.0])), paper.initial_covariance(1, -1, -1)
     )

@@ -33,6 +33,7 @@ class UnscentedTransformController:
     control_dynamics: control_dynamics(point, control, state, preview, j) -> control on step j of the horizon, where
         point is the sigma point, control that of the step before (for j = 0 the one now applied) and preview[j] the
         reference at step j; U^i of eq:xpred is then the control on the first step. None: the sigma point is held
+    leak: share of Pu that is forgotten after each step, so that directions no output sees settle at Qu / leak
     covariance_floor: smallest eigenvalue that the repair of Pu leaves; None: 1e-9 of the largest initial variance
     """
 
@@ -54,6 +55,7 @@ class UnscentedTransformController:
         Qu: ArrayLike | None = None,
         Qu_ratio: float = 0.1,
         control_dynamics: ControlDynamics | None = None,
+        leak: float = 0.0,
         covariance_floor: float | None = None,
     ) -> None:
         start = np.atleast_1d(arguments.numbers("state", state))
@@ -87,6 +89,7 @@ class UnscentedTransformController:
             np.asarray(np.kron(np.eye(len(self._steps)), P_err), dtype=np.float64),
             arguments.number("W0", W0, below=1.0),
             covariance_floor=floor,
+            leak=arguments.number("leak", leak, least=0.0, below=1.0),
         )
         points = np.tile(self._initial_control, (2 * m + 1, 1))
         roll_out.check(

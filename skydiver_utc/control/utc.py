@@ -51,7 +51,7 @@ class UtcLaw:
     """Keeps U and Pu; `step` moves them on.
 
     P_err (l, l) covariance of the tracking error; `covariance_floor` is the smallest eigenvalue kept in Pu.
-    The readings are those of `UtcParameters`.
+    The readings are those of `UtcParameters`; `leak` is the share of Pu that is forgotten after each step.
 
     A sigma point that diverges inside the horizon (an output that is not finite, or beyond 1e100) is left out: the
     weights of the others are scaled to the same sum. Mean and spread so move away from where the model diverges.
@@ -69,6 +69,7 @@ class UtcLaw:
         keep_indefinite: bool = False,
         move_unclipped: bool = True,
         output_weights: Array | None = None,
+        leak: float = 0.0,
     ) -> None:
         m, outputs = len(limits.minimum), len(P_err)
         self._predict = predict
@@ -78,6 +79,7 @@ class UtcLaw:
         self._floor = covariance_floor
         self._keep = keep_indefinite
         self._move = move_unclipped
+        self._kept_share = 1.0 - leak
         self._weights = weights(m, W0)
         self._output_weights = self._weights if output_weights is None else output_weights
         self._points = np.empty((2 * m + 1, m))
@@ -118,7 +120,7 @@ class UtcLaw:
         if repaired > 0.0 or lost > 0:
             status = Status.REPAIRED
         self.control = control
-        self.covariance[:] = s.covariance
+        np.multiply(s.covariance, self._kept_share, out=self.covariance)
         self.predicted[:] = s.predicted
         return UtcStep(control.copy(), s.predicted.copy(), s.innovation.copy(), repaired, status, lost)
 

@@ -39,8 +39,9 @@ class SkydiverUtc:
         self._tracked = tracked
         self._alpha_at_rest = parameters.alpha_at_rest
         self._horizon = parameters.horizon_steps
+        self._tangent = parameters.aim == "tangent"
         self._prediction = SkydiverPrediction(model, parameters, tracked)
-        self._coupling = CouplingSchedule(parameters, parameters.k_hyst(model.dt))
+        self._coupling = CouplingSchedule(parameters, parameters.k_hyst(model.dt), model.dt)
         self._kept = [0.0] * (parameters.P_err_roll_rate > 0.0)
         self._kept += [initial_fall_rate] * (parameters.P_err_fall_rate > 0.0)
         m = len(CONTROL_NAMES)
@@ -57,6 +58,7 @@ class SkydiverUtc:
             keep_indefinite=parameters.covariance_reading == "printed",
             move_unclipped=parameters.move_reading == "unclipped",
             output_weights=printed if parameters.weights_reading == "printed" else None,
+            leak=parameters.covariance_leak,
         )
         self.preview_steps = parameters.preview_steps(model.dt)
         self.reset()
@@ -77,7 +79,10 @@ class SkydiverUtc:
             self._utc.reset(self._initial, self._coupling.initial_covariance(preview))
             self._started = True
         Qu = self._coupling.process_noise(preview)
-        reference = np.array([preview[self._horizon], *self._kept])
+        aim = preview[self._horizon]
+        if self._tangent:
+            aim = preview[0] + self._horizon * (preview[1] - preview[0])
+        reference = np.array([aim, *self._kept])
         step = self._utc.step(state, preview, reference, Qu)
         return Decision(
             step.control, self._telemetry(step.predicted[0], step.innovation[0], step.repaired), step.status
