@@ -59,6 +59,11 @@ def sweep(setting: dict[str, object]) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return rmse, converged, within
 
 
+def shown(value: float) -> str:
+    """Two digits at least, and no exponent."""
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+
+
 def draw(path: Path, tables: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
     """One map of the RMSE per setting; turns out of reach carry a star."""
     import matplotlib
@@ -74,7 +79,7 @@ def draw(path: Path, tables: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
         )
         for i, amplitude in enumerate(AMPLITUDES):
             for j, frequency in enumerate(FREQUENCIES):
-                text = f"{rmse[i, j]:.2g}" + ("*" if within[i, j] < 1.0 else "")
+                text = shown(rmse[i, j]) + ("*" if within[i, j] < 1.0 else "")
                 shade = "white" if rmse[i, j] > 10 else "black"
                 axis.text(frequency, amplitude, text, ha="center", va="center", color=shade, size=8)
         axis.set(title=name, xlabel="frequency [Hz]", yticks=AMPLITUDES)
@@ -96,7 +101,7 @@ def main(figure: Path | None) -> None:
         print("|---" * (len(FREQUENCIES) + 1) + "|")
         for i, amplitude in enumerate(AMPLITUDES):
             cells = [
-                f"{rmse[i, j]:.2g} ({converged[i, j]:.1f})" + ("*" if within[i, j] < 1.0 else "")
+                f"{shown(rmse[i, j])} ({converged[i, j]:.1f})" + ("*" if within[i, j] < 1.0 else "")
                 for j in range(len(FREQUENCIES))
             ]
             print(f"| {amplitude} | " + " | ".join(cells) + " |")
