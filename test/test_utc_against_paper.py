@@ -11,7 +11,7 @@ from skydiver_utc.control.coupling import CouplingSchedule
 from skydiver_utc.control.limits import ControlLimits
 from skydiver_utc.control.pose import PoseController
 from skydiver_utc.control.protocol import Status
-from skydiver_utc.control.utc import UnscentedTransformController
+from skydiver_utc.control.utc import UtcLaw
 from skydiver_utc.parameters import PoseControllerParameters, UtcParameters, load_scenario
 from skydiver_utc.plant.dynamics import WORK_SIZE, rk4_step
 from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
@@ -46,7 +46,7 @@ def test_linear_oracle(m, outputs, W0):
         y[:] = points @ B.T
         saved[:] = points
 
-    controller = UnscentedTransformController(predict, unlimited(m), R, W0)
+    controller = UtcLaw(predict, unlimited(m), R, W0)
     controller.reset(u0, Pu)
     Qu = dense_covariance(rng, m)
     step = controller.step(np.zeros(1), np.zeros(1), r, Qu)
@@ -125,7 +125,7 @@ def test_one_step_equals_the_paper(seed, move):
     signs = rng.choice([-1.0, 1.0], 3)
     Pu, Qu = paper.initial_covariance(*signs), paper.process_noise(*signs)
     x, r = rng.normal(0, 3, 1), rng.normal(0, 3, 21)
-    controller = UnscentedTransformController(
+    controller = UtcLaw(
         toy_predict(20), PAPER_LIMITS, np.array([[1e-4]]), 0.25, move_unclipped=move == "unclipped"
     )
     controller.reset(U, Pu)
@@ -213,7 +213,7 @@ def test_s14_over_the_whole_turn(recursion, sign):
     parameters = msgspec.structs.replace(
         scenario.controller, s14_recursion_reading=recursion, s14_sign_reading=sign
     )
-    schedule = CouplingSchedule(parameters, k_hyst=238)
+    schedule = CouplingSchedule(parameters, k_hyst=238, dt_s=DT)
     expected = paper.s14_sequence(reference, 238, scenario.steps, recursion, sign == "signed")
     got = [np.sign(schedule.process_noise(reference[k : k + 238 + 2])[0, 3]) for k in range(scenario.steps)]
     np.testing.assert_array_equal(got, expected)
@@ -224,7 +224,7 @@ def test_s14_over_the_whole_turn(recursion, sign):
 )
 def test_process_noise_signs(coupling, label):
     rng = np.random.default_rng(1)
-    schedule = CouplingSchedule(UtcParameters(coupling=coupling), k_hyst=2)
+    schedule = CouplingSchedule(UtcParameters(coupling=coupling), k_hyst=2, dt_s=DT)
     raw = -1.0
     for _ in range(50):
         r = rng.normal(size=4)
@@ -235,7 +235,7 @@ def test_process_noise_signs(coupling, label):
 
 
 def test_initial_covariance_is_the_printed_one():
-    schedule = CouplingSchedule(UtcParameters(), k_hyst=2)
+    schedule = CouplingSchedule(UtcParameters(), k_hyst=2, dt_s=DT)
     np.testing.assert_array_equal(
         schedule.initial_covariance(np.array([1.0, 1.0, 1.0, 1.0])), paper.initial_covariance(1, -1, -1)
     )
@@ -257,18 +257,45 @@ def test_pose_controller_equals_eq_lim():
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_diverging_prediction_keeps_the_previous_control(bad):
     def predict(state, applied, points, preview, y, saved):
-        y[:] = 1.0
-        y[3] = bad
+        y[:] = bad
         saved[:] = points
 
-    controller = UnscentedTransformController(predict, PAPER_LIMITS, np.array([[1e-4]]), 0.25)
+    controller = UtcLaw(predict, PAPER_LIMITS, np.array([[1e-4]]), 0.25)
     controller.reset(np.array(paper.U_INITIAL), paper.initial_covariance(1, -1, -1))
     covariance = controller.covariance.copy()
     step = controller.step(np.zeros(1), np.zeros(1), np.ones(1), paper.process_noise(1, -1, -1))
     assert step.status is Status.KEPT_PREVIOUS
+    assert np.isfinite(step.predicted).all()
+    assert np.isfinite(step.innovation).all()
     np.testing.assert_array_equal(step.control, paper.U_INITIAL)
     assert np.isfinite(controller.covariance).all()
     np.testing.assert_allclose(controller.covariance, paper.repair(covariance, 1e-9), atol=1e-12)
+
+
+@pytest.mark.parametrize("lost", [[3], [0, 2], [1, 2, 3, 4]])
+def test_a_point_that_diverges_counts_no_more(lost):
+    """The update is eq:xpred to eq:utc_controller over the other points, their weights scaled to sum to one."""
+    rng = np.random.default_rng(8)
+    m, Pu, Qu, u0 = 3, dense_covariance(rng, 3), dense_covariance(rng, 3), rng.normal(size=3)
+    B, R, r = rng.normal(size=(2, m)), np.diag([0.1, 0.2]), rng.normal(size=2)
+    drawn = paper.sigma_points(u0, Pu, 0.25)
+
+    def predict(state, applied, points, preview, y, saved):
+        y[:] = points @ B.T
+        y[lost] = np.nan
+        saved[:] = points
+
+    controller = UtcLaw(predict, unlimited(m), R, 0.25)
+    controller.reset(u0, Pu)
+    step = controller.step(np.zeros(1), np.zeros(1), r, Qu)
+    left = np.delete(drawn, lost, axis=0)
+    W = np.delete(paper.weights(m, 0.25), lost)
+    W = W / W.sum()
+    U_pred, Pu_pred = paper.predict(left, W, Qu)
+    expected = paper.update(U_pred, Pu_pred, left, left @ B.T, W, r, R)
+    np.testing.assert_allclose(step.control, expected.U, rtol=1e-10)
+    np.testing.assert_allclose(controller.covariance, expected.Pu, rtol=1e-9, atol=1e-10)
+    assert (step.status, step.lost) == (Status.REPAIRED, len(lost))
 
 
 def test_further_outputs_equal_the_paper_with_three_outputs():

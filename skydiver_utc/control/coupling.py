@@ -7,13 +7,17 @@ from skydiver_utc.parameters import UtcParameters
 
 Array = NDArray[np.float64]
 
+# In a straight fall the yaw damping must still be tried.
+_LEAST_DEMAND = 0.02
+
 
 class CouplingSchedule:
     """Gives Pu at k = 0 and Qu at each step, from the signs of the reference and of its change."""
 
-    def __init__(self, parameters: UtcParameters, k_hyst: int) -> None:
+    def __init__(self, parameters: UtcParameters, k_hyst: int, dt_s: float) -> None:
         self._parameters = parameters
         self._k_hyst = k_hyst
+        self._full_change = parameters.full_coupling_acceleration * dt_s
         self.reset()
 
     def reset(self) -> None:
@@ -24,12 +28,12 @@ class CouplingSchedule:
     def initial_covariance(self, preview: Array) -> Array:
         """Pu (4, 4) at k = 0, with the raw s14 = -1 and the coupling's signs at the first step."""
         s12, s13 = self._hand_signs(preview)
-        return self._matrix(s12, s13, self._signed(-1.0, preview))
+        return self._matrix(s12, s13, self._signed(-1.0, preview), 1.0)
 
     def process_noise(self, preview: Array) -> Array:
         """Qu (4, 4) at the step where the reference preview [rad/s] starts."""
         s12, s13 = self._hand_signs(preview)
-        return self._parameters.Qu_ratio * self._matrix(s12, s13, self._s14(preview))
+        return self._parameters.Qu_ratio * self._matrix(s12, s13, self._s14(preview), self._demand(preview))
 
     def _hand_signs(self, preview: Array) -> tuple[float, float]:
         match self._parameters.coupling:
@@ -69,10 +73,19 @@ class CouplingSchedule:
             self._rate_sign = float(np.sign(coming[0])) if len(coming) else 1.0
         return s14 * self._rate_sign
 
-    def _matrix(self, s12: float, s13: float, s14: float) -> Array:
+    def _demand(self, preview: Array) -> float:
+        """How much of the row of Cm_damp is in force: the largest change ahead against that of full coupling."""
+        if self._full_change == 0.0:
+            return 1.0
+        return float(np.clip(np.abs(np.diff(preview)).max() / self._full_change, _LEAST_DEMAND, 1.0))
+
+    def _matrix(self, s12: float, s13: float, s14: float, demand: float) -> Array:
         p = self._parameters
         matrix = np.diag([p.variance_Cm_damp_yaw, p.variance_k_right, p.variance_k_left, p.variance_alpha])
         couplings = (s12 * p.covariance_12, s13 * p.covariance_13, s14 * p.covariance_14)
         matrix[0, 1:] = couplings
         matrix[1:, 0] = couplings
+        matrix[0, 0] *= demand
+        matrix[0, 1:] *= demand
+        matrix[1:, 0] *= demand
         return matrix

@@ -1,4 +1,7 @@
-"""The Unscented Transform Controller for any plant (section 3 of the paper).
+"""The law of the Unscented Transform Controller (section 3 of the paper), apart from any plant.
+
+`UtcLaw` works with a predict function that drives the plant; `UnscentedTransformController` in
+control/unscented_controller.py builds one from a plant.
 
 One step: draw sigma points of the control from Pu (eq:sigp), bound them (eq:minmax_utc, eq:movep), let each drive
 the plant to the horizon (the predict function), take the means and covariances of controls and outputs (eq:zpred,
@@ -26,21 +29,33 @@ Array = NDArray[np.float64]
 Predict = Callable[[Array, Array, Array, Array, Array, Array], None]
 
 
+# An output beyond this is lost: its square would overflow.
+_LARGEST_OUTPUT = 1e100
+
+
 class UtcStep(NamedTuple):
-    """Result of one step: control (m,), predicted output and innovation (l,), repair of Pu, status."""
+    """Result of one step: control (m,), predicted output and innovation (l,), repair of Pu, status, lost points.
+
+    A step that keeps the previous control repeats the last prediction and has no innovation.
+    """
 
     control: Array
     predicted: Array
     innovation: Array
     repaired: float
     status: Status
+    lost: int
 
 
-class UnscentedTransformController:
+class UtcLaw:
     """Keeps U and Pu; `step` moves them on.
 
     P_err (l, l) covariance of the tracking error; `covariance_floor` is the smallest eigenvalue kept in Pu.
-    The readings are those of `UtcParameters`.
+    The readings are those of `UtcParameters`; `leak` is the share of Pu that is forgotten after each step.
+
+    A sigma point that diverges inside the horizon (an output that is not finite, or beyond 1e100) is left out: the
+    weights of the others are scaled to the same sum. Mean and spread so move away from where the model diverges.
+    The previous control and Pu are kept when no weight is left or the update is not finite.
     """
 
     def __init__(
@@ -54,6 +69,7 @@ class UnscentedTransformController:
         keep_indefinite: bool = False,
         move_unclipped: bool = True,
         output_weights: Array | None = None,
+        leak: float = 0.0,
     ) -> None:
         m, outputs = len(limits.minimum), len(P_err)
         self._predict = predict
@@ -63,6 +79,7 @@ class UnscentedTransformController:
         self._floor = covariance_floor
         self._keep = keep_indefinite
         self._move = move_unclipped
+        self._kept_share = 1.0 - leak
         self._weights = weights(m, W0)
         self._output_weights = self._weights if output_weights is None else output_weights
         self._points = np.empty((2 * m + 1, m))
@@ -75,6 +92,7 @@ class UnscentedTransformController:
         """Start from a control (m,) and its covariance (m, m)."""
         self.control = np.array(control, dtype=float)
         self.covariance = np.array(covariance, dtype=float)
+        self.predicted = np.zeros(self._outputs.shape[1])
 
     def step(self, state: Array, preview: Array, reference: Array, Qu: Array) -> UtcStep:
         """Move the control towards `reference` (l,), the output wanted at the horizon."""
@@ -84,23 +102,27 @@ class UnscentedTransformController:
             self._limits.minimum, self._limits.maximum, self._move, self._points, s.root, s.values, s.vectors,
         )  # fmt: skip
         self._predict(state, self.control, self._points, preview, self._outputs, self._saved)
-        kept = not update(
-            self._saved, self._outputs, self._weights, self._output_weights, reference, Qu, self._P_err,
+        lost = drop_lost(
+            self._outputs, self._saved, self._weights, self._output_weights, s.weights, s.output_weights
+        )
+        if lost == len(self._points) or not update(
+            self._saved, self._outputs, s.weights, s.output_weights, reference, Qu, self._P_err,
             s.control, s.predicted, s.covariance, s.output_covariance, s.gain, s.innovation,
-        )  # fmt: skip
-        if kept:
+        ):  # fmt: skip
             return UtcStep(
-                self.control.copy(), s.predicted.copy(), s.innovation.copy(), repaired, Status.KEPT_PREVIOUS
-            )
+                self.control.copy(), self.predicted.copy(), np.zeros_like(self.predicted),
+                repaired, Status.KEPT_PREVIOUS, lost,
+            )  # fmt: skip
         control = self._limits.apply(s.control, self.control)
         status = Status.SOLVED
         if (control != s.control).any():
             status = Status.SATURATED
-        if repaired > 0.0:
+        if repaired > 0.0 or lost > 0:
             status = Status.REPAIRED
         self.control = control
-        self.covariance[:] = s.covariance
-        return UtcStep(control.copy(), s.predicted.copy(), s.innovation.copy(), repaired, status)
+        np.multiply(s.covariance, self._kept_share, out=self.covariance)
+        self.predicted[:] = s.predicted
+        return UtcStep(control.copy(), s.predicted.copy(), s.innovation.copy(), repaired, status, lost)
 
 
 class _Scratch:
@@ -116,6 +138,8 @@ class _Scratch:
         self.output_covariance = np.empty((outputs, outputs))
         self.gain = np.empty((m, outputs))
         self.innovation = np.empty(outputs)
+        self.weights = np.empty(2 * m + 1)
+        self.output_weights = np.empty(2 * m + 1)
 
 
 @kernel
@@ -149,6 +173,43 @@ def draw_points(
                 value = 1.5 * control[j] - 0.5 * value
             points[i, j] = min(max(value, minimum[j]), maximum[j])
     return repaired
+
+
+@kernel
+def drop_lost(
+    outputs: Array, saved: Array, weight: Array, output_weight: Array, left: Array, output_left: Array
+) -> int:
+    """Weights (2m+1,) without the points that diverged, scaled to the same sum; returns how many those are.
+
+    Lost rows of outputs (2m+1, l) and saved (2m+1, m) are overwritten with zeros. All points count as lost when the
+    others have no weight.
+    """
+    lost: int = 0
+    total, remaining = 0.0, 0.0
+    for i in range(outputs.shape[0]):
+        alive = True
+        for k in range(outputs.shape[1]):
+            if not abs(outputs[i, k]) <= _LARGEST_OUTPUT:
+                alive = False
+        for j in range(saved.shape[1]):
+            if not abs(saved[i, j]) <= _LARGEST_OUTPUT:
+                alive = False
+        left[i], output_left[i] = weight[i], output_weight[i]
+        total += weight[i]
+        if alive:
+            remaining += weight[i]
+        else:
+            lost += 1
+            left[i], output_left[i] = 0.0, 0.0
+            outputs[i, :] = 0.0
+            saved[i, :] = 0.0
+    if lost > 0:
+        if remaining < 1e-6 * total:
+            return len(outputs)
+        for i in range(outputs.shape[0]):
+            left[i] *= total / remaining
+            output_left[i] *= total / remaining
+    return lost
 
 
 @kernel

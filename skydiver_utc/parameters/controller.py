@@ -122,6 +122,27 @@ class UtcParameters(Parameters, frozen=True, tag_field="kind", tag="utc"):
         text("weights that sum to one, or eq:zpred as printed for i = 0 too"),
     ] = "normalised"
 
+    full_coupling_acceleration: Annotated[
+        float,
+        quantity(
+            "rad/s^2",
+            "beyond the paper: the row of Cm_damp in Qu grows with the acceleration of the reference ahead, "
+            "and is full at this one; 0: always full",
+            ge=0,
+            le=1e3,
+        ),
+    ] = 0.0
+    aim: Annotated[
+        Literal["end_point", "tangent"],
+        text(
+            "what the yaw rate at the horizon is moved to: the reference there, or (beyond the paper) its "
+            "tangent of now, which a held control can follow"
+        ),
+    ] = "end_point"
+    covariance_leak: Annotated[
+        float, quantity("1", "beyond the paper: share of Pu that is forgotten in each step", ge=0, lt=1)
+    ] = 0.0
+
     def tau_steps(self, dt_s: float) -> int:
         """Look-ahead of the feed-forward in steps."""
         return round(self.tau_s / dt_s)

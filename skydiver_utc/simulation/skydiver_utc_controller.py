@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from skydiver_utc.control.coupling import CouplingSchedule
 from skydiver_utc.control.limits import ControlLimits
 from skydiver_utc.control.protocol import Decision, Status
-from skydiver_utc.control.utc import UnscentedTransformController
+from skydiver_utc.control.utc import UtcLaw
 from skydiver_utc.parameters import UtcParameters
 from skydiver_utc.plant.model import PlantModel
 from skydiver_utc.plant.skydiver import CONTROL_NAMES
@@ -41,13 +41,14 @@ class SkydiverUtc:
         self._tracked = tracked
         self._alpha_at_rest = parameters.alpha_at_rest
         self._horizon = parameters.horizon_steps
+        self._tangent = parameters.aim == "tangent"
         self._prediction = SkydiverPrediction(model, parameters, tracked)
-        self._coupling = CouplingSchedule(parameters, parameters.k_hyst(model.dt))
+        self._coupling = CouplingSchedule(parameters, parameters.k_hyst(model.dt), model.dt)
         self._kept = [0.0] * (parameters.P_err_roll_rate > 0.0)
         self._kept += [initial_fall_rate] * (parameters.P_err_fall_rate > 0.0)
         m = len(CONTROL_NAMES)
         printed = np.full(2 * m + 1, (1.0 - parameters.W0) / (2 * m))
-        self._utc = UnscentedTransformController(
+        self._utc = UtcLaw(
             self._prediction,
             limits,
             P_err=np.diag(
@@ -59,6 +60,7 @@ class SkydiverUtc:
             keep_indefinite=parameters.covariance_reading == "printed",
             move_unclipped=parameters.move_reading == "unclipped",
             output_weights=printed if parameters.weights_reading == "printed" else None,
+            leak=parameters.covariance_leak,
         )
         self.preview_steps = parameters.preview_steps(model.dt)
         self.reset()
@@ -79,7 +81,10 @@ class SkydiverUtc:
             self._utc.reset(self._initial, self._coupling.initial_covariance(preview))
             self._started = True
         Qu = self._coupling.process_noise(preview)
-        reference = np.array([preview[self._horizon], *self._kept])
+        aim = preview[self._horizon]
+        if self._tangent:
+            aim = preview[0] + self._horizon * (preview[1] - preview[0])
+        reference = np.array([aim, *self._kept])
         step = self._utc.step(state, preview, reference, Qu)
         return Decision(
             step.control, self._telemetry(step.predicted[0], step.innovation[0], step.repaired), step.status

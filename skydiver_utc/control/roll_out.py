@@ -1,0 +1,172 @@
+"""The predict function of a plant that is given as functions, jitted or plain Python.
+
+One text serves both: `_roll_out` is compiled when the plant is a numba function and interpreted when it is not.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numba
+import numpy as np
+from numba.core.errors import NumbaError
+from numpy.typing import NDArray
+
+from skydiver_utc.control.arguments import writes_into
+from skydiver_utc.control.limits import ControlLimits
+
+Array = NDArray[np.float64]
+
+# plant(state (n,), control (m,), dt) -> state (n,) a step later; or plant(state, control, dt, out) that writes it.
+Plant = Callable[..., Any]
+# output(state (n,)) -> outputs (l,), or one number.
+Output = Callable[[Array], Any]
+# control_dynamics(point (m,), control (m,) before, state (n,), preview (N+1, l), j) -> control (m,) on step j.
+ControlDynamics = Callable[[Array, Array, Array, Array, int], Any]
+
+
+class RollOut:
+    """Drives each sigma point to the horizon; see `skydiver_utc.control.utc.Predict`.
+
+    `steps` holds the steps at which outputs are taken, in rising order; all of their outputs stand in one row.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        output: Output,
+        control_dynamics: ControlDynamics | None,
+        steps: tuple[int, ...],
+        dt: float,
+        limits: ControlLimits,
+        states: int,
+    ) -> None:
+        self.jitted = is_jitted(plant)
+        dynamics = _held if control_dynamics is None else control_dynamics
+        self._roll_out = (
+            _compiled(plant, output, dynamics) if self.jitted else _plain(plant, output, dynamics)
+        )
+        self._steps = np.array(steps, dtype=np.int64)
+        self._own_dynamics = control_dynamics is not None
+        self._dt = dt
+        self._limits = limits
+        m = len(limits.minimum)
+        self._work = (np.empty(states), np.empty(states), np.empty(m))
+
+    def check(self, *example: Any) -> None:
+        """Compile on an example, so that numba's objection to a function becomes one sentence."""
+        try:
+            self(*example)
+        except NumbaError as error:
+            reason = str(error).strip().splitlines()[-1].strip()
+            raise ValueError(
+                f"plant is jitted, but it or output or control_dynamics does not compile: {reason}"
+            ) from error
+
+    def __call__(
+        self, state: Array, applied: Array, points: Array, preview: Array, outputs: Array, saved: Array
+    ) -> None:
+        """Write outputs (2m+1, l), NaN where a point diverged, and the controls (2m+1, m) that stand for points."""
+        with np.errstate(all="ignore"):
+            self._roll_out(
+                state, applied, points, preview, self._steps, self._dt, self._own_dynamics,
+                self._limits.minimum, self._limits.maximum, self._limits.slew, outputs, saved, *self._work,
+            )  # fmt: skip
+
+
+def is_jitted(function: object) -> bool:
+    """Whether numba can call the function from compiled code."""
+    return isinstance(function, numba.core.dispatcher.Dispatcher)
+
+
+def _plain(plant: Any, output: Any, dynamics: Any) -> Any:
+    return _roll_out(_diverging(_writing(plant)), output, dynamics)
+
+
+@lru_cache(maxsize=64)
+def _compiled(plant: Any, output: Any, dynamics: Any) -> Any:
+    """The same functions again need no new compilation."""
+    functions = [_jit(function) for function in (_writing(plant), output, dynamics)]
+    return numba.njit(error_model="numpy")(_roll_out(*functions))
+
+
+def _jit(function: Any) -> Any:
+    """The function compiled, because the plant is: a plain output map beside a jitted plant is welcome, too."""
+    return function if is_jitted(function) else numba.njit(error_model="numpy")(function)
+
+
+def _writing(plant: Any) -> Any:
+    """The plant in the form that writes the next state into its fourth argument."""
+    if writes_into(plant):
+        return plant
+
+    def write(state: Array, control: Array, dt: float, out: Array) -> None:
+        out[:] = plant(state, control, dt)
+
+    return write
+
+
+def _diverging(write: Any) -> Any:
+    """Plain Python raises where compiled code goes on with infinity: both mean that the point diverged."""
+
+    def guarded(state: Array, control: Array, dt: float, out: Array) -> None:
+        try:
+            write(state, control, dt, out)
+        except ArithmeticError:
+            out[:] = np.nan
+
+    return guarded
+
+
+def _held(point: Array, control: Array, state: Array, preview: Array, j: int) -> Array:
+    return point
+
+
+def _roll_out(plant: Any, output: Any, dynamics: Any) -> Any:
+    """The loop over sigma points and steps, around three functions that it calls."""
+
+    def roll_out(
+        state: Array,
+        applied: Array,
+        points: Array,
+        preview: Array,
+        steps: NDArray[np.int64],
+        dt: float,
+        own_dynamics: bool,
+        minimum: Array,
+        maximum: Array,
+        slew: Array,
+        outputs: Array,
+        saved: Array,
+        x: Array,
+        following: Array,
+        control: Array,
+    ) -> None:
+        size = outputs.shape[1] // steps.shape[0]
+        for i in range(points.shape[0]):
+            x[:] = state
+            control[:] = applied
+            saved[i, :] = points[i]
+            outputs[i, :] = np.nan
+            taken = 0
+            for j in range(steps[-1]):
+                wanted = dynamics(points[i], control, x, preview, j)
+                for a in range(control.shape[0]):
+                    asked, before = wanted[a], control[a]
+                    for low, high in ((minimum[a], maximum[a]), (before - slew[a], before + slew[a])):
+                        if asked < low:
+                            asked = low
+                        if asked > high:
+                            asked = high
+                    control[a] = asked
+                if own_dynamics and j == 0:
+                    saved[i, :] = control
+                plant(x, control, dt, following)
+                x[:] = following
+                if not np.isfinite(x).all():
+                    break
+                if j + 1 == steps[taken]:
+                    outputs[i, taken * size : (taken + 1) * size] = output(x)
+                    taken += 1
+
+    return roll_out
