@@ -20,8 +20,8 @@ from skydiver_utc.plant.skydiver import SkydiverPlant
 Array = NDArray[np.float64]
 
 SOURCE = Path(__file__).parent / "c" / "utc_step.c"
-# The relaxations of skydiver_utc.jit: contraction, reassociation, unsigned zeros. The last two flags lose nothing that
-# numba keeps: it raises no floating-point exceptions and sets no errno.
+# The relaxations of skydiver_utc.jit: contraction, reassociation, unsigned zeros. The last two flags give up what
+# numba does not have: floating-point traps and errno.
 FLAGS = (
     "-O3",
     "-march=native",
@@ -154,7 +154,9 @@ class CUtc:
 
 
 def _plant(model: PlantModel) -> _Plant:
-    values: dict[str, Any] = {name: getattr(model, name) for name, _ in _Plant._fields_ if hasattr(model, name)}
+    values: dict[str, Any] = {
+        name: getattr(model, name) for name, _ in _Plant._fields_ if hasattr(model, name)
+    }
     return _Plant(
         table=model.geometry.ctypes.data_as(_POINTER),
         nodes=len(model.geometry),
