@@ -32,7 +32,7 @@ def ball(Z: Array, D: float) -> Ball:
     """The radii for a stable Z (p, p); raises `ValueError` where Z is not stable."""
     if not np.abs(np.linalg.eigvals(Z)).max() < 1.0:
         raise ValueError("the closed loop is not stable: no bound holds")
-    P = solve_discrete_lyapunov(Z.T, np.eye(len(Z)))
+    P = np.asarray(solve_discrete_lyapunov(Z.T, np.eye(len(Z))), dtype=float)
     values = np.linalg.eigvalsh(P)
     p_min, p_max = float(values[0]), float(values[-1])
     size = float(np.linalg.norm(Z, 2))

@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 class SteadyGain(NamedTuple):
     """Fixed point of the gain.
 
-    K (m, l); covariance (m, m) of the controls as far as the output sees them and others follow; growth (m, m) of
-    Pu per step, zero where H has full column rank; memory (r,) the eigenvalues of I - K H that are not 1, ascending.
+    K (m, l); covariance (m, m) of the controls as far as the output sees them, or they follow; growth (m, m) of
+    Pu per step, zero where H has full column rank; memory (r,) the eigenvalues of I - K H below 1, ascending.
     From Pu = covariance + any multiple of growth the gain is steady from the first step.
     """
 
@@ -31,8 +31,7 @@ class SteadyGain(NamedTuple):
 
 def gain(Pu: Array, H: Array, P_err: Array) -> Array:
     """K (m, l) for a covariance Pu (m, m), H (l, m), P_err (l, l)."""
-    K: Array = np.linalg.solve(H @ Pu @ H.T + P_err, H @ Pu).T
-    return K
+    return np.asarray(np.linalg.solve(H @ Pu @ H.T + P_err, H @ Pu).T, dtype=float)
 
 
 def next_covariance(Pu: Array, H: Array, P_err: Array, Qu: Array) -> Array:
