@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import asdict
+from importlib.util import find_spec
 
 import click
 import numpy as np
@@ -85,6 +86,19 @@ def control_steps(stack: ExitStack) -> Iterator[Group]:
         yield Group("roll-out of nine sigma points, N = 20", rows, rounds=150)
 
 
+def chains() -> Iterator[Group]:
+    """UTC beside the tool chains, where they are installed."""
+    if any(find_spec(name) is None for name in ("casadi", "do_mpc", "osqp")):
+        click.echo("The tool chains are left out: pip install '.[bench]' brings them.", err=True)
+        return
+    from tool_chains.flight import tool_chains
+
+    for steps in (20, 5):
+        scenario = short(FAST, steps)
+        subjects = [Subject("UTC", decision(scenario), batch=20), *tool_chains(scenario)]
+        yield Group(f"one control step, tool chains, N = {steps}", subjects, rounds=15)
+
+
 def parts() -> Iterator[Group]:
     """What a step is made of, and what is made of steps."""
     yield Group(
@@ -118,7 +132,7 @@ def starts(stack: ExitStack) -> Iterator[Group]:
 def measure() -> list[Row]:
     """All rows."""
     with ExitStack() as stack:
-        groups = [*control_steps(stack), *parts(), *starts(stack)]
+        groups = [*control_steps(stack), *chains(), *parts(), *starts(stack)]
         return [
             row
             for group in track(groups, "measuring", console=Console(stderr=True))
