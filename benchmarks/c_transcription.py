@@ -104,6 +104,7 @@ class CUtc:
         self._utc = _Utc()
         self._start = SkydiverPlant(scenario, self._model).initial_control()
         self._dt = self._model.dt
+        self._addresses = (ctypes.addressof(self._plant), ctypes.addressof(self._utc))
 
     def prepare(self, profile: Array, steps: int) -> None:
         """Start at step 0 of a reference profile [rad/s] that reaches beyond the last step by the preview."""
@@ -117,7 +118,6 @@ class CUtc:
         for row, values in zip(self._utc.Pu, covariance, strict=True):
             row[:] = list(values)
         self._pointers = [matrix.ctypes.data for matrix in self._Qu]
-        self._addresses = (ctypes.addressof(self._plant), ctypes.addressof(self._utc))
 
     def step(self, k: int, state: int) -> None:
         """Step k at the state (13,) whose address is given."""

@@ -6,15 +6,15 @@ from functools import partial
 
 import numpy as np
 from timing import Subject
+
+from skydiver_utc.parameters import Scenario
+from skydiver_utc.simulation.build import build_plant, build_reference
+from skydiver_utc.simulation.closed_loop import simulate
 from tool_chains.ipopt import decide_by_ipopt
 from tool_chains.model import reduced
 from tool_chains.real_time import decide_by_osqp
 from tool_chains.task import Decide, Task, task
 from tool_chains.with_do_mpc import decide_by_do_mpc
-
-from skydiver_utc.parameters import Scenario
-from skydiver_utc.simulation.build import build_plant, build_reference
-from skydiver_utc.simulation.closed_loop import simulate
 
 _START = 300
 _CHAINS: dict[str, Callable[[Task], Decide]] = {

@@ -1,8 +1,8 @@
 """The skydiver with a held posture as a smooth CasADi model.
 
 State (10,): quaternion x y z w, velocity and body rates in body axes; the package's without the position, on which
-nothing depends. The posture's geometry is a polynomial in alpha through the package's table: equal to it at the nodes
-to 1e-9, in between to the error of the table's own interpolation (`test_casadi_model.py`).
+nothing depends. The posture's geometry is a polynomial in alpha through the package's table: at the nodes the
+dynamics are equal to 1e-9, in between to the error of the table's own interpolation (`test_casadi_model.py`).
 """
 
 import casadi as ca
@@ -76,7 +76,7 @@ def _air(model: PlantModel, g: ca.SX, velocity: ca.SX, rates: ca.SX) -> tuple[ca
 
 
 def step(model: PlantModel) -> ca.Function:
-    """(state (10,), control (4,)) -> state (10,) one dt later: classical Runge-Kutta, quaternion normalised last."""
+    """(state (10,), control (4,)) -> state (10,) one dt later: Runge-Kutta, quaternion normalised last."""
     x, u = ca.SX.sym("x", STATES), ca.SX.sym("u", 4)
     posture, slope, dt = geometry(model)(u[3]), derivative(model), model.dt
     k1 = slope(x, u, posture)

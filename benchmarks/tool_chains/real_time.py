@@ -1,9 +1,10 @@
-"""A real-time iteration: one quadratic program per step, linearised by CasADi along the solution before, by OSQP."""
+"""A real-time iteration: one quadratic program per step, linearised along the solution before, CasADi and OSQP."""
 
 import casadi as ca
 import numpy as np
 import osqp
 from scipy import sparse
+
 from tool_chains.model import STATES, step
 from tool_chains.task import Array, Decide, Task
 

@@ -17,7 +17,7 @@ Decide = Callable[[Array, Array, Array], Array]
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Least squares of the yaw rate's error over P_err and of the controls' changes over their variances in UTC's Qu.
+    """Least squares of the yaw rate's error over P_err and of the controls' changes over their variances in Qu.
 
     The weights are thus UTC's own; the change of alpha is bounded by its slew rate.
     """

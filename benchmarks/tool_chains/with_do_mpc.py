@@ -3,6 +3,7 @@
 import casadi as ca
 import do_mpc
 import numpy as np
+
 from tool_chains.model import STATES, step
 from tool_chains.task import Array, Decide, Task
 
