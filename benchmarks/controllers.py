@@ -9,6 +9,7 @@ from c_transcription import CUtc
 
 from skydiver_utc.parameters import Scenario, UtcParameters, load_scenario
 from skydiver_utc.plant.model import build_model
+from skydiver_utc.plant.skydiver import RATE_AT
 from skydiver_utc.simulation.build import build_controller, build_reference
 from skydiver_utc.simulation.closed_loop import simulate
 from skydiver_utc.simulation.flight import Flight
@@ -81,7 +82,7 @@ def largest_difference(loaded: ctypes.CDLL, flight: Flight) -> float:
     """
     utc, _, steps = _prepared(loaded, flight)
     names = flight.telemetry_names
-    predicted = flight.telemetry[:, names.index("predicted_yaw_rate")]
+    predicted = flight.telemetry[:, names.index("predicted_rate")]
     first = next(i for i, name in enumerate(names) if name.startswith("std_"))
     largest = 0.0
     for k in range(steps):
@@ -101,7 +102,7 @@ def roll_outs(loaded: ctypes.CDLL, scenario: Scenario) -> tuple[Callable[[], flo
     flight, utc = simulate(scenario), CUtc(loaded, scenario)
     model, parameters = build_model(scenario), scenario.controller
     assert isinstance(parameters, UtcParameters)
-    predict = SkydiverPrediction(model, parameters)
+    predict = SkydiverPrediction(model, parameters, RATE_AT[scenario.reference.signal])
     middle = len(flight.commands) // 2
     state, applied = flight.states[middle], flight.commands[middle]
     share = np.random.default_rng(1).random((9, 4))

@@ -14,6 +14,7 @@ from skydiver_utc.parameters.linear_plant import load_linear_plant
 from skydiver_utc.plant.dynamics import WORK_SIZE, rk4_step
 from skydiver_utc.plant.linearise import velocity_axes
 from skydiver_utc.plant.model import build_model
+from skydiver_utc.plant.skydiver import RATE_AT
 from skydiver_utc.plant.steady import HeldBody, _quaternion, steady_turn, straight_falls
 from skydiver_utc.simulation.prediction import SkydiverPrediction
 from skydiver_utc.theory.linear_plant import LinearPlant
@@ -105,8 +106,8 @@ def test_the_skydiver_near_a_steady_turn_follows_the_linear_loop():
     far = np.full(4, 1e3)
     model = model._replace(control_min=-far, control_max=far, alpha_slew=1e3)
     law = linear_loop.UnscentedTransformController(
-        SkydiverPrediction(model, SCENARIO.controller), ControlLimits(-far, far, far), 1e-8 * tuned.P_err, 0.25,
-        covariance_floor=0.0,
+        SkydiverPrediction(model, SCENARIO.controller, RATE_AT["yaw_rate"]),
+        ControlLimits(-far, far, far), 1e-8 * tuned.P_err, 0.25, covariance_floor=0.0,
     )  # fmt: skip
     law.reset(control, 1e-8 * (found.gain.covariance + found.gain.growth))
     z, deviation, work = np.zeros(12), 1e-4, np.empty(WORK_SIZE)

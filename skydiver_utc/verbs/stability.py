@@ -15,6 +15,7 @@ from skydiver_utc.parameters import ParameterError, Scenario, UtcParameters
 from skydiver_utc.parameters.linear_plant import load_linear_plant
 from skydiver_utc.plant.linearise import control_effect, linearise, tilt_axes, velocity_axes
 from skydiver_utc.plant.model import build_model
+from skydiver_utc.plant.skydiver import RATE_AT
 from skydiver_utc.plant.steady import HeldBody, SteadyFall, steady_turn, straight_falls
 from skydiver_utc.simulation.linear_loop import fly_linear, measured_decay
 from skydiver_utc.theory.linear_plant import LinearPlant, zero_order_hold
@@ -25,6 +26,7 @@ from skydiver_utc.verbs.settings import load
 Array = NDArray[np.float64]
 
 _TURN_STEPS = 12
+_FIRST_RATE = 10  # of the state (13,)
 # A free run is followed until the distance from rest has shrunk this far, but not for more steps than that.
 _SHRUNK, _MOST_STEPS = 1e-8, 20_000
 _PUSHED_STEPS = 4000
@@ -94,12 +96,13 @@ def of_skydiver(scenario: Scenario, alpha: float) -> Tuned:
     A, B = zero_order_hold(
         linearise(HeldBody(model, control), fall), control_effect(model, control, fall), scenario.dt_s
     )
-    preview = np.full(parameters.preview_steps(scenario.dt_s) + 1, fall.yaw_rate)
+    tracked = RATE_AT[scenario.reference.signal] - _FIRST_RATE
+    preview = np.full(parameters.preview_steps(scenario.dt_s) + 1, fall.rates[tracked])
     schedule = CouplingSchedule(parameters, parameters.k_hyst(scenario.dt_s))
     variances = [parameters.P_err, parameters.P_err_roll_rate, parameters.P_err_fall_rate]
     used = [i for i, variance in enumerate(variances) if variance > 0.0]
     return Tuned(
-        LinearPlant(A, B, _outputs(fall)[used]),
+        LinearPlant(A, B, _outputs(fall, tracked)[used]),
         parameters.horizon_steps,
         scenario.dt_s,
         _definite(schedule.process_noise(preview), parameters.covariance_floor),
@@ -110,10 +113,10 @@ def of_skydiver(scenario: Scenario, alpha: float) -> Tuned:
     )
 
 
-def _outputs(fall: SteadyFall) -> Array:
-    """Yaw rate, roll rate and fall rate (3, 8) of the deviations."""
+def _outputs(fall: SteadyFall, tracked: int) -> Array:
+    """The tracked body rate (0 roll, 1 pitch, 2 yaw), roll rate and fall rate (3, 8) of the deviations."""
     rows = np.zeros((3, 8))
-    rows[0, 4], rows[1, 2] = 1.0, 1.0
+    rows[0, 2 + tracked], rows[1, 2] = 1.0, 1.0
     # Fall rate is -up . velocity; a tilt by an axis turns up, seen from the body, by up x axis.
     rows[2, :2] = [-np.cross(fall.up, axis) @ fall.velocity for axis in tilt_axes(fall.up)]
     rows[2, 5:] = -velocity_axes(fall) @ fall.up
