@@ -43,9 +43,9 @@ def decision(scenario: Scenario) -> Callable[[], float]:
             controller.reset()
         position += 1
         state, preview = flight.states[k], profile[k : k + controller.preview_steps + 1]
-        begin = time.perf_counter()
+        begin = time.process_time()
         controller.decide(state, preview)
-        return time.perf_counter() - begin
+        return time.process_time() - begin
 
     return once
 
@@ -68,9 +68,9 @@ def c_step(loaded: ctypes.CDLL, scenario: Scenario) -> Callable[[], float]:
         if k == 0:
             utc.prepare(profile, steps)
         position += 1
-        begin = time.perf_counter()
+        begin = time.process_time()
         utc.step(k, addresses[k])
-        return time.perf_counter() - begin
+        return time.process_time() - begin
 
     return once
 
@@ -112,14 +112,14 @@ def roll_outs(loaded: ctypes.CDLL, scenario: Scenario) -> tuple[Callable[[], flo
     _check(float(np.abs(outputs[:, 0] - utc.propagate(state, applied, points)).max()))
 
     def package() -> float:
-        begin = time.perf_counter()
+        begin = time.process_time()
         predict(state, applied, points, flight.reference, outputs, saved)
-        return time.perf_counter() - begin
+        return time.process_time() - begin
 
     def in_c() -> float:
-        begin = time.perf_counter()
+        begin = time.process_time()
         utc.propagate(state, applied, points)
-        return time.perf_counter() - begin
+        return time.process_time() - begin
 
     return package, in_c
 

@@ -24,16 +24,16 @@ def reduced(state: Array) -> Array:
 
 
 def geometry(model: PlantModel) -> ca.Function:
-    """alpha [rad] -> geometry (153,), a Chebyshev series over the range of alpha, by Clenshaw's rule."""
+    """alpha [rad] -> geometry (153,), a Chebyshev series over the range of alpha."""
     nodes = len(model.geometry)
     coefficients = chebyshev.chebfit(np.linspace(-1.0, 1.0, nodes), model.geometry, _DEGREE)
     alpha = ca.SX.sym("alpha")
     half_range = 0.5 * (nodes - 1) / model.nodes_per_rad
     x = (alpha - model.alpha_first) / half_range - 1.0
-    before, after = ca.SX.zeros(GEOMETRY_SIZE), ca.SX.zeros(GEOMETRY_SIZE)
-    for row in coefficients[:0:-1]:
-        before, after = ca.DM(row) + 2.0 * x * before - after, before
-    return ca.Function("geometry", [alpha], [ca.DM(coefficients[0]) + x * before - after])
+    basis = [ca.SX(1.0), x]
+    for _ in range(2, _DEGREE + 1):
+        basis.append(2.0 * x * basis[-1] - basis[-2])
+    return ca.Function("geometry", [alpha], [ca.mtimes(ca.DM(coefficients.T), ca.vertcat(*basis))])
 
 
 def derivative(model: PlantModel) -> ca.Function:
