@@ -10,13 +10,13 @@ STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help install demo test lint bench clean
+.PHONY: help install demo test lint bench bench-tools clean
 
 help:
 	@echo "make demo      fly SCENARIO ($(SCENARIO)) over ROS and record it below bags/"
 	@echo "make test      all tests; ARGS=... goes to pytest"
 	@echo "make lint      ruff and mypy"
-	@echo "make bench     time the plant, the controllers and the closed loop"
+	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
 	@echo "make install   only install into $(VENV)"
 	@echo "make clean     remove what builds and tests left behind; keeps $(VENV) and bags/"
 
@@ -34,6 +34,10 @@ lint: $(STAMP)
 	$(VENV)/bin/mypy
 
 bench: $(STAMP)
+	$(VENV)/bin/python benchmarks/run.py $(ARGS)
+
+bench-tools: $(STAMP)
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation '.[bench]'
 	$(VENV)/bin/python benchmarks/run.py $(ARGS)
 
 clean:

@@ -1,32 +1,34 @@
 """Time what matters, in one run on this machine: ``make bench``.
 
-Each row is the median and the 99th percentile of many repetitions. The machine may be shared: trust the ratios
-within one run, not the microseconds of two.
+Rows of one group take turns; `ratio` is the median as a multiple of the group's first. All times are processor
+times: other load is not counted, but for the caches and the clock rate that it takes away.
 """
 
 import json
-import platform
-import subprocess
-import sys
 import time
-from collections.abc import Callable
-from importlib.metadata import version
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import asdict
+from importlib.util import find_spec
 
 import click
 import numpy as np
+import startup
+from c_transcription import compiler, library
+from controllers import FAST, c_step, decision, roll_outs, short
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
+from timing import Group, Row, Subject, machine
 
 from skydiver_utc.jit import kernel
-from skydiver_utc.parameters import load_scenario
+from skydiver_utc.parameters import load_scenario, scenario_names
 from skydiver_utc.plant.dynamics import WORK_SIZE, drive_limbs, moving_step, rk4_step
-from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
+from skydiver_utc.simulation.build import build_plant
 from skydiver_utc.simulation.closed_loop import simulate
 
-FAST = "fast_turn_unknown_dynamics"
 _STEPS_IN_A_LOOP = 2000
+_RIVALS = {"fast_turn_gauss_newton": "Gauss-Newton", "fast_turn_mppi": "MPPI", "fast_turn_pose_only": "pose"}
 
 
 @kernel
@@ -51,31 +53,9 @@ def plant_step(steps: Callable[..., None], size: int) -> Callable[[], float]:
 
     def once() -> float:
         state, applied = start.copy(), np.zeros(size)
-        begin = time.perf_counter()
+        begin = time.process_time()
         steps(plant.model, state, applied, work, _STEPS_IN_A_LOOP)
-        return (time.perf_counter() - begin) / _STEPS_IN_A_LOOP
-
-    return once
-
-
-def controller_call(name: str) -> Callable[[], float]:
-    """One decision of a scenario's controller, along its own flight [s]."""
-    scenario = load_scenario(name, {"duration_s": 5.0})
-    flight = simulate(scenario)
-    controller = build_controller(scenario)
-    profile = build_reference(scenario).preview(0, scenario.steps + controller.preview_steps + 1)
-    position = 0
-
-    def once() -> float:
-        nonlocal position
-        k = position % scenario.steps
-        if k == 0:
-            controller.reset()
-        position += 1
-        preview = profile[k : k + controller.preview_steps + 1]
-        begin = time.perf_counter()
-        controller.decide(flight.states[k], preview)
-        return time.perf_counter() - begin
+        return (time.process_time() - begin) / _STEPS_IN_A_LOOP
 
     return once
 
@@ -83,80 +63,129 @@ def controller_call(name: str) -> Callable[[], float]:
 def whole_flight() -> Callable[[], float]:
     """`simulate fast_turn_unknown_dynamics`, 4762 steps [s]."""
     scenario = load_scenario(FAST)
-    return lambda: simulate(scenario).wall_time_s
-
-
-def command(*arguments: str) -> Callable[[], float]:
-    """A command of its own process, start to end [s]."""
 
     def once() -> float:
-        begin = time.perf_counter()
-        subprocess.run(
-            [sys.executable, "-m", "skydiver_utc.cli", *arguments], check=True, capture_output=True
-        )
-        return time.perf_counter() - begin
+        begin = time.process_time()
+        simulate(scenario)
+        return time.process_time() - begin
 
     return once
 
 
-ROWS: tuple[tuple[str, str, float, int, Callable[[], Callable[[], float]]], ...] = (
-    ("model step, RK4, posture held", "us", 1e6, 200, lambda: plant_step(_many_steps, 4)),
-    ("plant step, RK4, posture moving", "us", 1e6, 200, lambda: plant_step(_many_moving_steps, 5)),
-    ("UTC step, N = 20", "us", 1e6, 2000, lambda: controller_call(FAST)),
-    ("UTC step, N = 5, eq:m1utc", "us", 1e6, 2000, lambda: controller_call("fast_turn_pi_dynamics")),
-    ("pose controller step", "us", 1e6, 2000, lambda: controller_call("fast_turn_pose_only")),
-    ("simulate fast turn, 4762 steps", "s", 1.0, 5, whole_flight),
-    ("skydiver-utc --help", "s", 1.0, 5, lambda: command("--help")),
-)
+def control_steps(stack: ExitStack) -> Iterator[Group]:
+    """UTC at two horizons beside C and the other controllers."""
+    loaded = stack.enter_context(library()) if compiler() else None
+    for steps, rivals in ((20, _RIVALS), (5, {"fast_turn_pi_dynamics": "UTC, eq:m1utc"})):
+        scenario = short(FAST, steps)
+        subjects = [Subject("UTC", decision(scenario), batch=20)]
+        if loaded is not None:
+            subjects.append(Subject("UTC in C (c/utc_step.c)", c_step(loaded, scenario), batch=20))
+        subjects += [
+            Subject(label, decision(short(name)), batch=20)
+            for name, label in rivals.items()
+            if name in scenario_names()
+        ]
+        yield Group(f"one control step, N = {steps}", subjects, rounds=150)
+    if loaded is not None:
+        package, in_c = roll_outs(loaded, short(FAST))
+        rows = (Subject("package", package, batch=20), Subject("C", in_c, batch=20))
+        yield Group("roll-out of nine sigma points, N = 20", rows, rounds=150)
 
 
-def measure() -> list[dict[str, object]]:
-    """All rows: name, unit, median, p99 and repetitions."""
-    table: list[dict[str, object]] = []
-    for name, unit, scale, repetitions, prepare in track(ROWS, "measuring", console=Console(stderr=True)):
-        once = prepare()
-        once()
-        times = scale * np.array([once() for _ in range(repetitions)])
-        table.append(
-            {
-                "name": name,
-                "unit": unit,
-                "median": round(float(np.median(times)), 3),
-                "p99": round(float(np.percentile(times, 99)), 3),
-                "repetitions": repetitions,
-            }
-        )
-    return table
+def chains() -> Iterator[Group]:
+    """UTC beside the tool chains, where they are installed."""
+    if any(find_spec(name) is None for name in ("casadi", "do_mpc", "osqp")):
+        click.echo("The tool chains are left out: pip install '.[bench]' brings them.", err=True)
+        return
+    from tool_chains.flight import tool_chains
+
+    for steps in (20, 5):
+        scenario = short(FAST, steps)
+        subjects = [Subject("UTC", decision(scenario), batch=20), *tool_chains(scenario)]
+        yield Group(f"one control step, tool chains, N = {steps}", subjects, rounds=15)
 
 
-def machine() -> dict[str, str]:
-    """What the figures were measured on."""
-    cpu = next(
+def parts() -> Iterator[Group]:
+    """What a step is made of, and what is made of steps."""
+    yield Group(
+        "one step of the skydiver, RK4",
         (
-            line.split(":")[1].strip()
-            for line in Path("/proc/cpuinfo").read_text().splitlines()
-            if "model name" in line
+            Subject("posture held (the controllers' model)", plant_step(_many_steps, 4)),
+            Subject("posture moving (the plant)", plant_step(_many_moving_steps, 5)),
         ),
-        platform.processor(),
+        rounds=200,
     )
-    versions = {name: version(name) for name in ("numpy", "numba", "scipy")}
-    return {"cpu": cpu, "python": platform.python_version(), **versions}
+    yield Group(
+        "a flight of 4762 steps", (Subject("simulate fast turn", whole_flight(), unit="s"),), rounds=5
+    )
 
 
-@click.command()
+def starts(stack: ExitStack) -> Iterator[Group]:
+    """What a user waits for before anything flies."""
+    fresh = stack.enter_context(startup.fresh_install())
+    cold = startup.process(startup.FIRST_DECISION, fresh)()
+    rows = (
+        Subject("start of Python alone", startup.process(startup.NOTHING, fresh), unit="s"),
+        Subject("skydiver-utc --help", startup.process(startup.HELP, fresh), unit="s"),
+        Subject("import of the package", startup.process(startup.IMPORT, fresh), unit="s"),
+        Subject("first decision, kernels cached", startup.process(startup.FIRST_DECISION, fresh), unit="s"),
+    )
+    yield Group("start of a process", rows, rounds=5)
+    compiling = Subject("first decision after install", lambda: cold, unit="s")
+    yield Group("start of a process that compiles the kernels", (compiling,), rounds=1)
+
+
+def measure() -> list[Row]:
+    """All rows."""
+    with ExitStack() as stack:
+        groups = [*control_steps(stack), *chains(), *parts(), *starts(stack)]
+        return [
+            row
+            for group in track(groups, "measuring", console=Console(stderr=True))
+            for row in group.measure()
+        ]
+
+
+def markdown(rows: list[Row], where: dict[str, str]) -> str:
+    """The table as a section of Markdown."""
+    lines = [", ".join(f"{name} {value}" for name, value in where.items()) + ".", ""]
+    lines += ["| | median | p99 | unit | ratio |", "|---|---|---|---|---|"]
+    group = ""
+    for row in rows:
+        if row.group != group:
+            group = row.group
+            lines.append(f"| **{group}** | | | | |")
+        lines.append(f"| {row.name} | {row.median:g} | {row.p99:g} | {row.unit} | {row.ratio:g} |")
+    return "\n".join(lines)
+
+
+def show(rows: list[Row], where: dict[str, str]) -> None:
+    """The table on the screen."""
+    table = Table(title=", ".join(f"{name} {value}" for name, value in where.items()))
+    table.add_column("")
+    for heading in ("median", "p99", "unit", "ratio"):
+        table.add_column(heading, justify="left" if heading == "unit" else "right")
+    group = ""
+    for row in rows:
+        if row.group != group:
+            group = row.group
+            table.add_row(f"[bold]{group}[/bold]")
+        table.add_row(f"  {row.name}", f"{row.median:g}", f"{row.p99:g}", row.unit, f"{row.ratio:g}")
+    Console().print(table)
+
+
+@click.command(help=__doc__)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
-def main(as_json: bool) -> None:
-    """Time the plant, the controllers and the closed loop on this machine."""
+@click.option("--markdown", "as_markdown", is_flag=True, help="Print the table of docs/benchmarks.md.")
+def main(as_json: bool, as_markdown: bool) -> None:
+    """Time the controllers, the skydiver and the start of the program on this machine."""
     rows, where = measure(), machine()
     if as_json:
-        click.echo(json.dumps({"machine": where, "rows": rows}, indent=2))
-        return
-    table = Table(title=", ".join(f"{key} {value}" for key, value in where.items()))
-    for heading in ("", "median", "p99", "unit"):
-        table.add_column(heading, justify="left" if heading in ("", "unit") else "right")
-    for row in rows:
-        table.add_row(str(row["name"]), f"{row['median']:.3g}", f"{row['p99']:.3g}", str(row["unit"]))
-    Console().print(table)
+        click.echo(json.dumps({"machine": where, "rows": [asdict(row) for row in rows]}, indent=2))
+    elif as_markdown:
+        click.echo(markdown(rows, where))
+    else:
+        show(rows, where)
 
 
 if __name__ == "__main__":

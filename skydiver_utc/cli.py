@@ -300,6 +300,38 @@ def trim(
     tell(posture, subject, scenario, settings, reachable, as_json, quiet)
 
 
+@main.command(short_help="Tell whether UTC is stable around a steady fall, or on a linear plant.")
+@click.argument("scenario", metavar="[SCENARIO]", default="fast_turn_unknown_dynamics")
+@click.option(
+    "--plant", metavar="NAME|FILE.yaml", help="A linear plant instead, as config/plants/admire.yaml shows."
+)
+@click.option(
+    "--alpha",
+    default=0.0,
+    show_default=True,
+    help="Pattern angle [rad] of the steady turn; 0: the straight fall.",
+)
+@click.option("--steps", type=click.IntRange(1, 500), help="Prediction steps, instead of those written down.")
+@_settings
+@_json
+def stability(
+    scenario: str,
+    plant: str | None,
+    alpha: float,
+    steps: int | None,
+    settings: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Linear theory of UTC: closed-loop eigenvalues, Riccati margin, and the ball of a bounded nonlinearity.
+
+    Around the skydiver's straight fall, or the steady turn at --alpha, of SCENARIO, which must fly UTC with held
+    controls (without it: fast_turn_unknown_dynamics); or on a linear plant. Bounds of the controls are left out.
+    """
+    from skydiver_utc.verbs.stability import stability as tell
+
+    tell(scenario, plant, settings, alpha, steps, as_json)
+
+
 @main.command()
 @_json
 def scenarios(as_json: bool) -> None:

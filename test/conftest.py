@@ -1,4 +1,4 @@
-"""Shared by all tests: where the oracle lies, and how ROS behaves under test."""
+"""Shared by all tests: where the oracle and the benchmarks lie, and how ROS behaves under test."""
 
 import os
 import sys
@@ -7,4 +7,4 @@ from pathlib import Path
 # Before rclpy is imported anywhere: field checks on, traffic kept on this machine.
 os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-sys.path.insert(0, str(Path(__file__).parent / "oracle"))
+sys.path[:0] = [str(Path(__file__).parent / "oracle"), str(Path(__file__).parents[1] / "benchmarks")]

@@ -18,6 +18,14 @@ class CouplingSchedule:
         self._parameters = parameters
         self._k_hyst = k_hyst
         self._full_change = parameters.full_coupling_acceleration * dt_s
+        self._uncoupled = np.diag(
+            [
+                parameters.variance_Cm_damp_yaw,
+                parameters.variance_k_right,
+                parameters.variance_k_left,
+                parameters.variance_alpha,
+            ]
+        )
         self.reset()
 
     def reset(self) -> None:
@@ -38,19 +46,18 @@ class CouplingSchedule:
     def _hand_signs(self, preview: Array) -> tuple[float, float]:
         match self._parameters.coupling:
             case "yaw_rate":
-                sign = float(np.sign(preview[0]))
+                sign = _sign(float(preview[0]))
                 return sign, -sign
             case "yaw_acceleration":
-                sign = float(np.sign(preview[1] - preview[0]))
+                sign = _sign(float(preview[1] - preview[0]))
                 return sign, sign
             case _:
                 return 0.0, 0.0
 
     def _s14(self, preview: Array) -> float:
         """eq:s14; a sign of zero keeps the value before."""
-        size = np.abs(preview)
-        now = size[1] - size[0]
-        ahead = size[self._k_hyst + 1] - size[self._k_hyst]
+        now = abs(float(preview[1])) - abs(float(preview[0]))
+        ahead = abs(float(preview[self._k_hyst + 1])) - abs(float(preview[self._k_hyst]))
         match self._parameters.s14_recursion_reading:
             case "printed":
                 change = now if self._s14_raw > 0 else ahead
@@ -59,7 +66,7 @@ class CouplingSchedule:
             case _:
                 change = ahead
         if change != 0.0:
-            self._s14_raw = -float(np.sign(change))
+            self._s14_raw = -_sign(change)
         return self._signed(self._s14_raw, preview)
 
     def _signed(self, s14: float, preview: Array) -> float:
@@ -67,10 +74,10 @@ class CouplingSchedule:
         if self._parameters.s14_sign_reading == "printed":
             return s14
         if preview[0] != 0.0:
-            self._rate_sign = float(np.sign(preview[0]))
+            self._rate_sign = _sign(float(preview[0]))
         elif self._rate_sign == 0.0:
             coming = preview[np.flatnonzero(preview)[:1]]
-            self._rate_sign = float(np.sign(coming[0])) if len(coming) else 1.0
+            self._rate_sign = _sign(float(coming[0])) if len(coming) else 1.0
         return s14 * self._rate_sign
 
     def _demand(self, preview: Array) -> float:
@@ -81,11 +88,16 @@ class CouplingSchedule:
 
     def _matrix(self, s12: float, s13: float, s14: float, demand: float) -> Array:
         p = self._parameters
-        matrix = np.diag([p.variance_Cm_damp_yaw, p.variance_k_right, p.variance_k_left, p.variance_alpha])
-        couplings = (s12 * p.covariance_12, s13 * p.covariance_13, s14 * p.covariance_14)
-        matrix[0, 1:] = couplings
-        matrix[1:, 0] = couplings
+        matrix = self._uncoupled.copy()
+        matrix[0, 1] = matrix[1, 0] = s12 * p.covariance_12
+        matrix[0, 2] = matrix[2, 0] = s13 * p.covariance_13
+        matrix[0, 3] = matrix[3, 0] = s14 * p.covariance_14
         matrix[0, 0] *= demand
         matrix[0, 1:] *= demand
         matrix[1:, 0] *= demand
         return matrix
+
+
+def _sign(value: float) -> float:
+    """-1, 0 or 1."""
+    return float((value > 0.0) - (value < 0.0))

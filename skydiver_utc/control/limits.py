@@ -17,5 +17,7 @@ class ControlLimits(NamedTuple):
 
     def apply(self, wanted: Array, previous: Array) -> Array:
         """Bound a control (m,), then keep its change from the previous one within the slew limit."""
-        bounded = np.clip(wanted, self.minimum, self.maximum)
-        return np.clip(bounded, previous - self.slew, previous + self.slew)
+        # Not np.clip: called each control step on a few numbers, it costs several times as much.
+        bounded = np.minimum(np.maximum(wanted, self.minimum), self.maximum)
+        slewed: Array = np.minimum(np.maximum(bounded, previous - self.slew), previous + self.slew)
+        return slewed

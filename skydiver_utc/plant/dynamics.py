@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 STATE_SIZE = 13
 _DRIFT_SIZE = 3 * SEGMENT_COUNT
+# A factor, not a division: reassociation would pull the division into the loops over the table.
+_SIXTH = 1.0 / 6.0
 # Work space of a step: geometry, inverse inertia, the segments' velocities by limb motion, load, three states.
 WORK_SIZE = GEOMETRY_SIZE + 6 + _DRIFT_SIZE + 6 + 3 * STATE_SIZE
 
@@ -35,10 +37,10 @@ def posture_geometry(model: PlantModel, alpha: float, out: Array) -> None:
     position = (alpha - model.alpha_first) * model.nodes_per_rad
     left = min(max(int(np.floor(position)) - 1, 0), nodes - 4)
     s = position - left
-    w0 = -(s - 1.0) * (s - 2.0) * (s - 3.0) / 6.0
-    w1 = s * (s - 2.0) * (s - 3.0) / 2.0
-    w2 = -s * (s - 1.0) * (s - 3.0) / 2.0
-    w3 = s * (s - 1.0) * (s - 2.0) / 6.0
+    w0 = -_SIXTH * (s - 1.0) * (s - 2.0) * (s - 3.0)
+    w1 = 0.5 * s * (s - 2.0) * (s - 3.0)
+    w2 = -0.5 * s * (s - 1.0) * (s - 3.0)
+    w3 = _SIXTH * s * (s - 1.0) * (s - 2.0)
     table = model.geometry
     for i in range(GEOMETRY_SIZE):
         out[i] = (
@@ -54,10 +56,10 @@ def segment_drift(model: PlantModel, alpha: float, rate: float, out: Array) -> N
     left = min(max(int(np.floor(position)) - 1, 0), nodes - 4)
     s = position - left
     scale = rate * model.nodes_per_rad
-    w0 = -scale * ((s - 2.0) * (s - 3.0) + (s - 1.0) * (s - 3.0) + (s - 1.0) * (s - 2.0)) / 6.0
-    w1 = scale * ((s - 2.0) * (s - 3.0) + s * (s - 3.0) + s * (s - 2.0)) / 2.0
-    w2 = -scale * ((s - 1.0) * (s - 3.0) + s * (s - 3.0) + s * (s - 1.0)) / 2.0
-    w3 = scale * ((s - 1.0) * (s - 2.0) + s * (s - 2.0) + s * (s - 1.0)) / 6.0
+    w0 = -_SIXTH * scale * ((s - 2.0) * (s - 3.0) + (s - 1.0) * (s - 3.0) + (s - 1.0) * (s - 2.0))
+    w1 = 0.5 * scale * ((s - 2.0) * (s - 3.0) + s * (s - 3.0) + s * (s - 2.0))
+    w2 = -0.5 * scale * ((s - 1.0) * (s - 3.0) + s * (s - 3.0) + s * (s - 1.0))
+    w3 = _SIXTH * scale * ((s - 1.0) * (s - 2.0) + s * (s - 2.0) + s * (s - 1.0))
     table = model.geometry
     for i in range(_DRIFT_SIZE):
         out[i] = (

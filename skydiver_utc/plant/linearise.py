@@ -7,6 +7,7 @@ axes across the vertical, so that no attitude is singular.
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.plant.model import PlantModel
 from skydiver_utc.plant.steady import HeldBody, SteadyFall
 
 Array = NDArray[np.float64]
@@ -22,6 +23,7 @@ STATES = (
     "speed of slide",
 )
 _STEP = np.array([1e-5] * 2 + [1e-4] * 3 + [1e-3] * 3)
+_CONTROL_STEP = 1e-4
 
 
 def linearise(body: HeldBody, fall: SteadyFall) -> Array:
@@ -40,6 +42,19 @@ def linearise(body: HeldBody, fall: SteadyFall) -> Array:
         (derivative(step * unit) - derivative(-step * unit)) / (2.0 * step)
         for step, unit in zip(_STEP, np.eye(8), strict=True)
     ]
+    return np.array(columns).T
+
+
+def control_effect(model: PlantModel, control: Array, fall: SteadyFall) -> Array:
+    """What the controls do to the deviations: (8, 4), in the order of `STATES`; central differences."""
+    speeds = velocity_axes(fall)
+
+    def derivative(changed: Array) -> Array:
+        accelerations = HeldBody(model, changed).accelerations(fall.up, fall.velocity, fall.rates)
+        return np.concatenate([np.zeros(2), accelerations[3:], speeds @ accelerations[:3]])
+
+    units = _CONTROL_STEP * np.eye(4)
+    columns = [(derivative(control + d) - derivative(control - d)) / (2.0 * _CONTROL_STEP) for d in units]
     return np.array(columns).T
 
 

@@ -102,5 +102,7 @@ class SkydiverUtc:
         return Decision(control, self._telemetry(rate, -rate, 0.0), Status.SOLVED)
 
     def _telemetry(self, predicted: float, innovation: float, repaired: float) -> Array:
-        deviations = np.sqrt(np.maximum(np.diag(self._utc.covariance), 0.0))
-        return np.concatenate([[predicted, innovation], deviations, [repaired]])
+        values = np.empty(len(self.telemetry_names))
+        values[0], values[1], values[-1] = predicted, innovation, repaired
+        values[2:-1] = np.sqrt(np.maximum(self._utc.covariance.diagonal(), 0.0))
+        return values

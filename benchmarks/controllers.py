@@ -1,0 +1,140 @@
+"""The controllers of the package and the C transcription, timed along flights of the fast turn."""
+
+import ctypes
+import time
+from collections.abc import Callable
+
+import numpy as np
+from c_transcription import CUtc
+
+from skydiver_utc.parameters import Scenario, UtcParameters, load_scenario
+from skydiver_utc.plant.model import build_model
+from skydiver_utc.plant.skydiver import RATE_AT
+from skydiver_utc.simulation.build import build_controller, build_reference
+from skydiver_utc.simulation.closed_loop import simulate
+from skydiver_utc.simulation.flight import Flight
+from skydiver_utc.simulation.prediction import SkydiverPrediction
+
+FAST = "fast_turn_unknown_dynamics"
+DURATION_S = 5.0
+# Two results of the same arithmetic in another order of additions.
+AGREEMENT = 1e-9
+
+
+def short(name: str, horizon_steps: int | None = None) -> Scenario:
+    """The first seconds of a scenario, with another horizon if one is given."""
+    overrides: dict[str, object] = {"duration_s": DURATION_S}
+    if horizon_steps is not None:
+        overrides["controller.horizon_steps"] = horizon_steps
+    return load_scenario(name, overrides)
+
+
+def decision(scenario: Scenario) -> Callable[[], float]:
+    """One decision of a scenario's controller, along its own flight [s]."""
+    flight, controller = simulate(scenario), build_controller(scenario)
+    steps = len(flight.commands)
+    profile = build_reference(scenario).preview(0, steps + controller.preview_steps + 1)
+    position = 0
+
+    def once() -> float:
+        nonlocal position
+        k = position % steps
+        if k == 0:
+            controller.reset()
+        position += 1
+        state, preview = flight.states[k], profile[k : k + controller.preview_steps + 1]
+        begin = time.process_time()
+        controller.decide(state, preview)
+        return time.process_time() - begin
+
+    return once
+
+
+def c_step(loaded: ctypes.CDLL, scenario: Scenario) -> Callable[[], float]:
+    """One UTC step in C along the flight of the package's UTC, with Qu made beforehand [s]."""
+    flight = simulate(scenario)
+    largest = largest_difference(loaded, flight)
+    if not largest <= AGREEMENT:
+        raise RuntimeError(
+            f"c/utc_step.c differs from the package by {largest:.1e}: its figures mean nothing"
+        )
+    utc, profile, steps = _prepared(loaded, flight)
+    addresses = [state.ctypes.data for state in flight.states]
+    position = 0
+
+    def once() -> float:
+        nonlocal position
+        k = position % steps
+        if k == 0:
+            utc.prepare(profile, steps)
+        position += 1
+        begin = time.process_time()
+        utc.step(k, addresses[k])
+        return time.process_time() - begin
+
+    return once
+
+
+def largest_difference(loaded: ctypes.CDLL, flight: Flight) -> float:
+    """Largest difference of C's controls, predictions and deviations of U from a flight's, over all its steps.
+
+    C sees the states of the flight, and keeps U and Pu of its own from the first step on.
+    """
+    utc, _, steps = _prepared(loaded, flight)
+    names = flight.telemetry_names
+    predicted = flight.telemetry[:, names.index("predicted_rate")]
+    first = next(i for i, name in enumerate(names) if name.startswith("std_"))
+    largest = 0.0
+    for k in range(steps):
+        utc.step(k, flight.states[k].ctypes.data)
+        deviations = np.sqrt(np.maximum(np.diag(utc.covariance), 0.0))
+        for ours, theirs in (
+            (flight.commands[k], utc.control),
+            (predicted[k], utc.predicted),
+            (flight.telemetry[k, first : first + 4], deviations),
+        ):
+            largest = max(largest, float(np.abs(ours - theirs).max()))
+    return largest
+
+
+def roll_outs(loaded: ctypes.CDLL, scenario: Scenario) -> tuple[Callable[[], float], Callable[[], float]]:
+    """The roll-out of random sigma points by the package, and by C, in the middle of a flight [s]."""
+    flight, utc = simulate(scenario), CUtc(loaded, scenario)
+    model, parameters = build_model(scenario), scenario.controller
+    assert isinstance(parameters, UtcParameters)
+    predict = SkydiverPrediction(model, parameters, RATE_AT[scenario.reference.signal])
+    middle = len(flight.commands) // 2
+    state, applied = flight.states[middle], flight.commands[middle]
+    share = np.random.default_rng(1).random((9, 4))
+    points = model.control_min + share * (model.control_max - model.control_min)
+    outputs, saved = np.empty((9, 1)), np.empty((9, 4))
+    predict(state, applied, points, flight.reference, outputs, saved)
+    _check(float(np.abs(outputs[:, 0] - utc.propagate(state, applied, points)).max()))
+
+    def package() -> float:
+        begin = time.process_time()
+        predict(state, applied, points, flight.reference, outputs, saved)
+        return time.process_time() - begin
+
+    def in_c() -> float:
+        begin = time.process_time()
+        utc.propagate(state, applied, points)
+        return time.process_time() - begin
+
+    return package, in_c
+
+
+def _check(difference: float) -> None:
+    if not difference <= AGREEMENT:
+        raise RuntimeError(
+            f"c/utc_step.c differs from the package by {difference:.1e}: its times mean nothing"
+        )
+
+
+def _prepared(loaded: ctypes.CDLL, flight: Flight) -> tuple[CUtc, np.ndarray, int]:
+    scenario, steps = flight.scenario, len(flight.commands)
+    preview_steps = build_controller(scenario).preview_steps
+    profile = build_reference(scenario).preview(0, steps + preview_steps + 1)
+    utc = CUtc(loaded, scenario)
+    utc.prepare(profile, steps)
+    return utc, profile, steps

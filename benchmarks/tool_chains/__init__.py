@@ -1,0 +1,1 @@
+"""Model predictive control of the same skydiver by well-known tool chains (extra `bench`)."""

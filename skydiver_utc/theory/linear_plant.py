@@ -1,0 +1,34 @@
+"""A linear plant x+ = A x + B u + f, y = C x, as UTC sees it: from the state to the output at the horizon."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+Array = NDArray[np.float64]
+
+
+class LinearPlant(NamedTuple):
+    """A (n, n), B (n, m), C (l, n) of one time step."""
+
+    A: Array
+    B: Array
+    C: Array
+
+
+def zero_order_hold(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
+    """A (n, n) and B (n, m) of one step of dt [s], the control held, from those of x' = A x + B u."""
+    n, m = B.shape
+    both = np.zeros((n + m, n + m))
+    both[:n, :n], both[:n, n:] = A, B
+    whole = expm(both * dt)
+    return whole[:n, :n], whole[:n, n:]
+
+
+def to_the_horizon(plant: LinearPlant, steps: int) -> tuple[Array, Array]:
+    """F = C A^N (l, n) and H = C (A^(N-1) + .. + I) B (l, m): with u held, y is F x + H u after N steps."""
+    free, forced = np.eye(len(plant.A)), np.zeros_like(plant.B)
+    for _ in range(steps):
+        free, forced = plant.A @ free, plant.A @ forced + plant.B
+    return plant.C @ free, plant.C @ forced

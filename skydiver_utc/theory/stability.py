@@ -1,0 +1,63 @@
+"""All that the theory says of one linear plant under one tuning of UTC."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.theory.bound import Ball, ball
+from skydiver_utc.theory.closed_loop import apart_from_rest, closed_loop_matrix, decay
+from skydiver_utc.theory.linear_plant import LinearPlant, to_the_horizon
+from skydiver_utc.theory.riccati import Riccati, output_riccati
+from skydiver_utc.theory.steady_gain import SteadyGain, steady_gain
+
+Array = NDArray[np.float64]
+
+
+class Stability(NamedTuple):
+    """What is known of the loop at its steady gain.
+
+    Z (n+m, n+m), across (n+m, p) of `apart_from_rest`; eigenvalues (p,) of the distance from rest, the slowest
+    first; slowest (n+m,), the real part of its eigenvector; decay per step, stable below 1; the Riccati terms for
+    one step and for the horizon, at the steady covariance; the ball of a nonlinearity added to the state, None
+    where the loop is not stable.
+    """
+
+    gain: SteadyGain
+    Z: Array
+    across: Array
+    eigenvalues: NDArray[np.complex128]
+    slowest: Array
+    decay: float
+    riccati_one_step: Riccati
+    riccati: Riccati
+    ball: Ball | None
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop returns to rest."""
+        return self.decay < 1.0
+
+
+def analyse(plant: LinearPlant, steps: int, Qu: Array, P_err: Array, nonlinearity: float) -> Stability:
+    """`nonlinearity` is the largest |f| of x+ = A x + B u + f, which the controller's model does not have."""
+    _, H = to_the_horizon(plant, steps)
+    settled = steady_gain(H, P_err, Qu)
+    Z = closed_loop_matrix(plant, settled.K, steps)
+    across = apart_from_rest(plant, settled.K)
+    distance = across.T @ Z @ across
+    eigenvalues, vectors = np.linalg.eig(distance)
+    order = np.argsort(-np.abs(eigenvalues))
+    Pu = settled.covariance + Qu
+    pushed = nonlinearity * float(np.linalg.norm(across[: len(plant.A)], 2))
+    return Stability(
+        gain=settled,
+        Z=Z,
+        across=across,
+        eigenvalues=eigenvalues[order].astype(complex),
+        slowest=across @ vectors[:, order[0]].real,
+        decay=decay(distance),
+        riccati_one_step=output_riccati(plant, Pu, P_err, 1),
+        riccati=output_riccati(plant, Pu, P_err, steps),
+        ball=ball(distance, pushed) if decay(distance) < 1.0 else None,
+    )

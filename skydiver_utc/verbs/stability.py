@@ -1,0 +1,245 @@
+"""``skydiver-utc stability``: what linear theory says of UTC around a steady fall, or on a linear plant."""
+
+import json
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from skydiver_utc.control.coupling import CouplingSchedule
+from skydiver_utc.parameters import ParameterError, Scenario, UtcParameters
+from skydiver_utc.parameters.linear_plant import load_linear_plant
+from skydiver_utc.plant.linearise import control_effect, linearise, tilt_axes, velocity_axes
+from skydiver_utc.plant.model import build_model
+from skydiver_utc.plant.skydiver import RATE_AT
+from skydiver_utc.plant.steady import HeldBody, SteadyFall, steady_turn, straight_falls
+from skydiver_utc.simulation.linear_loop import fly_linear, measured_decay
+from skydiver_utc.theory.linear_plant import LinearPlant, zero_order_hold
+from skydiver_utc.theory.stability import Stability, analyse
+from skydiver_utc.verbs.errors import VerbError
+from skydiver_utc.verbs.settings import load
+
+Array = NDArray[np.float64]
+
+_TURN_STEPS = 12
+_FIRST_RATE = 10  # of the state (13,)
+# A free run is followed until the distance from rest has shrunk this far, but not for more steps than that.
+_SHRUNK, _MOST_STEPS = 1e-8, 20_000
+_PUSHED_STEPS = 4000
+
+
+class Tuned(NamedTuple):
+    """A linear plant with UTC's tuning on it, and a sentence on what it is; Qu (m, m), P_err (l, l)."""
+
+    plant: LinearPlant
+    horizon_steps: int
+    dt_s: float
+    Qu: Array
+    P_err: Array
+    nonlinearity: float
+    what: str
+
+
+def stability(
+    scenario: str, plant: str | None, settings: Sequence[str], alpha: float, steps: int | None, as_json: bool
+) -> None:
+    """Analyse one loop and print it."""
+    if plant is not None:
+        if settings or alpha:
+            raise VerbError(
+                "--plant takes neither --set nor --alpha: write the numbers into the plant's file"
+            )
+        tuned = of_linear_plant(plant)
+    else:
+        tuned = of_skydiver(load(scenario, settings), alpha)
+    values = report(tuned if steps is None else tuned._replace(horizon_steps=steps))
+    if as_json:
+        print(json.dumps(values, indent=2))
+    else:
+        _show(values)
+
+
+def of_linear_plant(name_or_path: str) -> Tuned:
+    """A plant from a YAML file."""
+    given = load_linear_plant(name_or_path)
+    A, B = np.array(given.A), np.array(given.B)
+    if given.time == "continuous":
+        A, B = zero_order_hold(A, B, given.dt_s)
+    C = np.eye(len(A)) if given.C is None else np.array(given.C)
+    return Tuned(
+        LinearPlant(A, B, C), given.horizon_steps, given.dt_s, np.diag(given.Qu), np.diag(given.P_err),
+        given.nonlinearity, f"{given.name}: {given.description}",
+    )  # fmt: skip
+
+
+def of_skydiver(scenario: Scenario, alpha: float) -> Tuned:
+    """The skydiver in its straight fall, or in the steady turn at a pattern angle [rad]."""
+    parameters = scenario.controller
+    if not isinstance(parameters, UtcParameters) or parameters.alpha_dynamics != "unknown":
+        raise VerbError(
+            f"{scenario.name} does not fly UTC with held controls, which is all that the theory covers:"
+            " take fast_turn_unknown_dynamics"
+        )
+    model = build_model(scenario)
+    fall = straight_falls(model)[0]
+    control = np.array([scenario.initial.Cm_damp_yaw, 0.0, 0.0, 0.0])
+    for angle in np.linspace(0.0, alpha, _TURN_STEPS + 1)[1:]:
+        control[3] = angle
+        turn = steady_turn(HeldBody(model, control), fall)
+        if turn is None:
+            raise VerbError(f"there is no steady turn at {angle:.2f} rad: take a smaller --alpha")
+        fall = turn
+    A, B = zero_order_hold(
+        linearise(HeldBody(model, control), fall), control_effect(model, control, fall), scenario.dt_s
+    )
+    tracked = RATE_AT[scenario.reference.signal] - _FIRST_RATE
+    preview = np.full(parameters.preview_steps(scenario.dt_s) + 1, fall.rates[tracked])
+    schedule = CouplingSchedule(parameters, parameters.k_hyst(scenario.dt_s), scenario.dt_s)
+    variances = [parameters.P_err, parameters.P_err_roll_rate, parameters.P_err_fall_rate]
+    used = [i for i, variance in enumerate(variances) if variance > 0.0]
+    return Tuned(
+        LinearPlant(A, B, _outputs(fall, tracked)[used]),
+        parameters.horizon_steps,
+        scenario.dt_s,
+        _definite(schedule.process_noise(preview), parameters.covariance_floor),
+        np.diag([variances[i] for i in used]),
+        0.0,
+        f"skydiver of {scenario.name}, {np.rad2deg(fall.yaw_rate):.1f} deg/s at alpha = {alpha:g} rad,"
+        f" Cm_damp_yaw = {control[0]:g}",
+    )
+
+
+def _outputs(fall: SteadyFall, tracked: int) -> Array:
+    """The tracked body rate (0 roll, 1 pitch, 2 yaw), roll rate and fall rate (3, 8) of the deviations."""
+    rows = np.zeros((3, 8))
+    rows[0, 2 + tracked], rows[1, 2] = 1.0, 1.0
+    # Fall rate is -up . velocity; a tilt by an axis turns up, seen from the body, by up x axis.
+    rows[2, :2] = [-np.cross(fall.up, axis) @ fall.velocity for axis in tilt_axes(fall.up)]
+    rows[2, 5:] = -velocity_axes(fall) @ fall.up
+    return rows
+
+
+def _definite(matrix: Array, floor: float) -> Array:
+    """The nearest covariance, as UTC repairs Pu."""
+    values, vectors = np.linalg.eigh(matrix)
+    repaired: Array = (vectors * np.maximum(values, floor)) @ vectors.T
+    return repaired
+
+
+def report(tuned: Tuned) -> dict[str, Any]:
+    """What the verb tells, plain data."""
+    plant = tuned.plant
+    try:
+        found = analyse(plant, tuned.horizon_steps, tuned.Qu, tuned.P_err, tuned.nonlinearity)
+    except ValueError as error:
+        raise ParameterError(f"{error}: give every control a variance in Qu") from error
+    logs = np.log(np.maximum(np.abs(found.eigenvalues), 1e-300))
+    return {
+        "plant": tuned.what,
+        "states": len(plant.A),
+        "controls": plant.B.shape[1],
+        "outputs": len(plant.C),
+        "dt_s": tuned.dt_s,
+        "horizon_steps": tuned.horizon_steps,
+        "open_loop_decay": float(np.abs(np.linalg.eigvals(plant.A)).max()),
+        "gain": found.gain.K.tolist(),
+        "control_memory": found.gain.memory.tolist(),
+        "Pu_growth_per_step": float(np.linalg.eigvalsh(found.gain.growth)[-1]),
+        "states_of_rest": found.Z.shape[0] - found.across.shape[1],
+        "eigenvalues": [[value.real, value.imag] for value in found.eigenvalues],
+        "time_constants_s": [None if log >= 0.0 else float(-tuned.dt_s / log) for log in logs],
+        "decay": found.decay,
+        "stable": found.stable,
+        "measured_decay": _measured_decay(tuned, found) if found.stable else None,
+        "riccati_margin_one_step": found.riccati_one_step.margin,
+        "riccati_margin": found.riccati.margin,
+        "riccati_additional": float(np.linalg.norm(found.riccati.additional, 2)),
+        "nonlinearity": tuned.nonlinearity,
+        "ball": _of_ball(tuned, found),
+    }
+
+
+def _measured_decay(tuned: Tuned, found: Stability) -> float:
+    """Of the package's controller on the linear plant, in the slowest mode, over the second half of a free run."""
+    wanted = np.log(_SHRUNK) / np.log(found.decay)
+    steps = int(np.clip(wanted, 20, _MOST_STEPS))
+    distances = _run(tuned, found, steps, found.slowest, None)
+    return measured_decay(distances[steps // 2 :])
+
+
+def _of_ball(tuned: Tuned, found: Stability) -> dict[str, float] | None:
+    if found.ball is None or tuned.nonlinearity == 0.0:
+        return None
+    n = len(tuned.plant.A)
+
+    def outwards(x: Array) -> Array:
+        size = float(np.linalg.norm(x))
+        return tuned.nonlinearity * (x / size if size > 0.0 else np.eye(n)[0])
+
+    distances = _run(tuned, found, _PUSHED_STEPS, np.zeros(len(found.Z)), outwards)
+    return {
+        "radius": found.ball.radius,
+        "kept": found.ball.kept,
+        "from_rest": found.ball.summed,
+        "measured": float(distances.max()),
+    }
+
+
+def _run(tuned: Tuned, found: Stability, steps: int, start: Array, added: Any) -> Array:
+    """Distance from rest (steps+1,) of a run that starts with a steady gain."""
+    Pu = found.gain.covariance + found.gain.growth
+    run = fly_linear(tuned.plant, tuned.horizon_steps, Pu, tuned.Qu, tuned.P_err, start, steps, added)
+    distances: Array = np.linalg.norm(run @ found.across, axis=1)
+    return distances
+
+
+def _show(values: dict[str, Any]) -> None:
+    console = Console()
+    console.print(Text(values["plant"]), soft_wrap=True)
+    table = Table(show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(justify="right", overflow="fold")
+    table.add_column(style="dim")
+    table.add_row(
+        "states, controls, outputs", f"{values['states']}  {values['controls']}  {values['outputs']}", ""
+    )
+    table.add_row("prediction steps", str(values["horizon_steps"]), f"of {values['dt_s']:g} s")
+    table.add_row("decay without control", f"{values['open_loop_decay']:.5f}", "per step")
+    table.add_row(
+        "control kept, 1 - K H", "  ".join(f"{v:.3f}" for v in values["control_memory"]), "per step"
+    )
+    table.add_row("growth of unseen Pu", f"{values['Pu_growth_per_step']:.2g}", "per step")
+    table.add_row("directions of rest", str(values["states_of_rest"]), "of (x, u)")
+    style = "green" if values["stable"] else "red"
+    verdict = "stable" if values["stable"] else "unstable"
+    table.add_row("decay under UTC", Text(f"{values['decay']:.5f}", style=style), f"per step, {verdict}")
+    if values["measured_decay"] is not None:
+        table.add_row("the same, flown", f"{values['measured_decay']:.5f}", "per step")
+    table.add_row("Riccati margin, one step", f"{values['riccati_margin_one_step']:.3g}", "")
+    table.add_row("Riccati margin, all steps", f"{values['riccati_margin']:.3g}", "")
+    table.add_row("its additional term", f"{values['riccati_additional']:.3g}", "largest")
+    if values["ball"] is not None:
+        for key, name in (
+            ("radius", "radius R"), ("kept", "radius kept"), ("from_rest", "bound from rest"),
+            ("measured", "largest distance flown"),
+        ):  # fmt: skip
+            table.add_row(name, f"{values['ball'][key]:.4g}", f"for |f| <= {values['nonlinearity']:g}")
+    console.print(table, _eigenvalues(values))
+
+
+def _eigenvalues(values: dict[str, Any]) -> Table:
+    table = Table()
+    for heading in ("eigenvalue", "size", "time constant s"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for (real, imaginary), constant in zip(values["eigenvalues"], values["time_constants_s"], strict=True):
+        if imaginary >= 0.0:
+            table.add_row(
+                f"{real:.4f}" + (f" ± {imaginary:.4f}i" if imaginary else ""),
+                f"{abs(complex(real, imaginary)):.5f}",
+                "" if constant is None else f"{constant:.3g}",
+            )
+    return table

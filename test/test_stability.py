@@ -1,0 +1,172 @@
+"""`skydiver-utc stability`: what it predicts, against flights of the package's controller."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import skydiver_utc.simulation.linear_loop as linear_loop
+from skydiver_utc.cli import main
+from skydiver_utc.control.limits import ControlLimits
+from skydiver_utc.parameters import ParameterError, load_scenario
+from skydiver_utc.parameters.linear_plant import load_linear_plant
+from skydiver_utc.plant.dynamics import WORK_SIZE, rk4_step
+from skydiver_utc.plant.linearise import velocity_axes
+from skydiver_utc.plant.model import build_model
+from skydiver_utc.plant.skydiver import RATE_AT
+from skydiver_utc.plant.steady import HeldBody, _quaternion, steady_turn, straight_falls
+from skydiver_utc.simulation.prediction import SkydiverPrediction
+from skydiver_utc.theory.linear_plant import LinearPlant
+from skydiver_utc.theory.stability import analyse
+from skydiver_utc.verbs.stability import of_linear_plant, of_skydiver, report
+
+SCENARIO = load_scenario("fast_turn_unknown_dynamics")
+ALPHA = 0.3
+
+
+def random_plant(seed, n=4, m=3, outputs=2):
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(n, n))
+    A *= 0.95 / np.abs(np.linalg.eigvals(A)).max()
+    return LinearPlant(A, rng.normal(size=(n, m)), rng.normal(size=(outputs, n))), rng
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_eigenvalues_predict_a_flight_on_a_random_plant(seed):
+    """The whole run of UTC against powers of Z, stable or not, and so the decay."""
+    plant, rng = random_plant(seed)
+    Qu, P_err = 0.1 * np.eye(3), 0.1 * np.eye(2)
+    found = analyse(plant, 2, Qu, P_err, 0.0)
+    start = rng.normal(size=7)
+    run = linear_loop.fly_linear(plant, 2, found.gain.covariance + found.gain.growth, Qu, P_err, start, 30)
+    expected = np.array([np.linalg.matrix_power(found.Z, k) @ start for k in range(31)])
+    np.testing.assert_allclose(run, expected, atol=1e-8 * np.abs(expected).max())
+
+
+def test_the_gain_settles_from_another_covariance():
+    plant, rng = random_plant(5)
+    Qu, P_err = 0.1 * np.eye(3), 0.1 * np.eye(2)
+    found = analyse(plant, 1, Qu, P_err, 0.0)
+    start = rng.normal(size=7)
+    run = linear_loop.fly_linear(plant, 1, 3.0 * np.eye(3), Qu, P_err, start, 40)
+    step = run[-1] - found.Z @ run[-2]
+    assert np.abs(step).max() < 1e-6 * np.abs(run[-2]).max()
+
+
+@pytest.mark.parametrize("steps", [1, 5, 20])
+def test_admire_decays_as_predicted_and_stays_in_its_ball(steps):
+    """The push of the size f_bar always points outwards, the worst of its kind."""
+    tuned = of_linear_plant("admire")._replace(horizon_steps=steps)
+    values = report(tuned)
+    assert values["stable"]
+    assert values["states_of_rest"] == 1
+    assert values["measured_decay"] == pytest.approx(values["decay"], rel=2e-3)
+    ball = values["ball"]
+    assert 0.0 < ball["measured"] <= ball["from_rest"] <= ball["radius"] <= ball["kept"]
+
+
+def steady():
+    model = build_model(SCENARIO)
+    fall, control = straight_falls(model)[0], np.array([SCENARIO.initial.Cm_damp_yaw, 0.0, 0.0, 0.0])
+    for control[3] in np.linspace(0.0, ALPHA, 13)[1:]:
+        fall = steady_turn(HeldBody(model, control), fall)
+    return model, fall, control
+
+
+def state_of(fall):
+    return np.concatenate([np.zeros(3), _quaternion(fall.up), fall.velocity, fall.rates])
+
+
+def test_effect_of_the_controls_against_the_flight():
+    """B of one step against a step of the skydiver with each control moved."""
+    # At the scenario's own step RK4 itself is off by 6e-4: a mode of roll is as short as 8 ms.
+    model, fall, control = steady()
+    model = model._replace(dt=2e-4)
+    B = of_skydiver(load_scenario(SCENARIO.name, {"dt_s": model.dt}), ALPHA).plant.B
+    work, axes = np.empty(WORK_SIZE), velocity_axes(fall)
+    for j in range(4):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved, end = control.copy(), np.empty(13)
+            moved[j] += sign * 1e-2
+            rk4_step(model, state_of(fall), moved, end, work)
+            ends.append(np.concatenate([end[10:], axes @ end[7:10]]))
+        np.testing.assert_allclose((ends[0] - ends[1]) / 2e-2, B[2:, j], atol=1e-4 * np.abs(B[2:, j]).max())
+
+
+def test_the_skydiver_near_a_steady_turn_follows_the_linear_loop():
+    """The nonlinear skydiver under the package's UTC, without bounds, against powers of Z, over 60 steps.
+
+    Qu and P_err are made smaller alike: the gain is the same, and the sigma points stay where the plant is linear.
+    """
+    tuned = of_skydiver(SCENARIO, ALPHA)
+    found = analyse(tuned.plant, tuned.horizon_steps, tuned.Qu, tuned.P_err, 0.0)
+    model, fall, control = steady()
+    far = np.full(4, 1e3)
+    model = model._replace(control_min=-far, control_max=far, alpha_slew=1e3)
+    law = linear_loop.UtcLaw(
+        SkydiverPrediction(model, SCENARIO.controller, RATE_AT["yaw_rate"]),
+        ControlLimits(-far, far, far), 1e-8 * tuned.P_err, 0.25, covariance_floor=0.0,
+    )  # fmt: skip
+    law.reset(control, 1e-8 * (found.gain.covariance + found.gain.growth))
+    z, deviation, work = np.zeros(12), 1e-4, np.empty(WORK_SIZE)
+    z[4] = deviation
+    state = state_of(fall)
+    state[12] += deviation
+    preview = np.full(SCENARIO.controller.preview_steps(SCENARIO.dt_s) + 1, fall.yaw_rate)
+    for _ in range(60):
+        u = law.step(state, preview, np.array([fall.yaw_rate]), 1e-8 * tuned.Qu).control
+        rk4_step(model, state, u, state, work)
+        z = found.Z @ z
+        np.testing.assert_allclose(u - control, z[8:], atol=2e-3 * np.abs(z[8:]).max())
+        np.testing.assert_allclose(state[10:] - fall.rates, z[2:5], atol=2e-3 * deviation)
+
+
+def test_the_verb_tells_all_in_json():
+    told = CliRunner().invoke(main, ["stability", "--alpha", "0.2", "--json"])
+    assert told.exit_code == 0
+    values = json.loads(told.stdout)
+    assert values["stable"]
+    assert values["states_of_rest"] == 3
+    assert values["measured_decay"] == pytest.approx(values["decay"], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["fast_turn_pose_only"], "take fast_turn_unknown_dynamics"),
+        (["fast_turn_pi_dynamics"], "take fast_turn_unknown_dynamics"),
+        (["--plant", "nothing"], "choose one of admire"),
+        (["--plant", "admire", "--set", "controller.W0=0"], "neither --set nor --alpha"),
+        (["--alpha", "40"], "take a smaller --alpha"),
+    ],
+)
+def test_what_cannot_be_analysed_is_refused_in_one_sentence(arguments, words):
+    told = CliRunner().invoke(main, ["stability", *arguments])
+    assert told.exit_code == 2
+    assert words in told.stderr
+    assert len(told.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("A: [[1, 0]]", "A must have 1 rows of 1 numbers"),
+        ("B: [[1, 2]]", "B must have 1 rows of 1 numbers"),
+        ("B: [[0]]", "B is zero"),
+        ("P_err: [1, 1]", "P_err must have 1 numbers"),
+        ("C: [[1, 2]]", "C must have 1 rows of 1 numbers"),
+        ("time: weekly", "time"),
+    ],
+)
+def test_a_plant_whose_matrices_do_not_fit_is_refused(tmp_path, line, words):
+    fields = {
+        "name": "own", "description": "d", "source": "s", "time": "discrete", "dt_s": 1,
+        "A": "[[0.9]]", "B": "[[1]]", "Qu": "[1]", "P_err": "[1]",
+    }  # fmt: skip
+    key, _, value = line.partition(": ")
+    text = "\n".join(f"{name}: {entry}" for name, entry in (fields | {key: value}).items())
+    (tmp_path / "own.yaml").write_text(text)
+    with pytest.raises(ParameterError, match=words):
+        load_linear_plant(str(tmp_path / "own.yaml"))
