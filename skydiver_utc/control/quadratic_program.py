@@ -2,10 +2,10 @@
 
     minimise 1/2 x' H x + g' x   subject to   lower_k <= x[plus_k] - x[minus_k] <= upper_k
 
-A row with minus_k = -1 bounds the variable x[plus_k] itself. Magnitude and rate limits of a control sequence need no
-more, and every row has one or two entries. Solved by the primal-dual interior-point method with Mehrotra's predictor
-and corrector (Nocedal and Wright, Numerical Optimization, algorithm 16.4), each row with a slack s and a force z on
-its lower and on its upper side.
+A row with minus_k = -1 bounds the variable x[plus_k] itself. Magnitude and rate limits of a control sequence need
+no more, and every row has one or two entries. Solved by the primal-dual interior-point method with Mehrotra's
+predictor and corrector (Nocedal and Wright, Numerical Optimization, algorithm 16.4), each row with a slack s and a
+force z on its lower and on its upper side.
 """
 
 from typing import NamedTuple
@@ -33,8 +33,9 @@ class Rows(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Work space: factor (n, n), gradient (n,), step (1, n); for both sides of the rows (2, k) slack and force, their
-    steps, the slack's error (gap), what complementarity is to change by (target), the push on the rows."""
+    """Work space: factor (n, n), gradient (n,), step (1, n); for both sides of the rows (2, k) slack and force,
+    their steps, the slack's error (gap), by how much slack times force is to change (target), the push on the rows.
+    """
 
     factor: Array
     gradient: Array
@@ -107,9 +108,7 @@ def _start(H: Array, g: Array, rows: Rows, x: Array, s: Scratch) -> float:
 
 
 @kernel
-def _residuals(
-    H: Array, g: Array, rows: Rows, x: Array, scale: float, s: Scratch
-) -> tuple[float, float]:
+def _residuals(H: Array, g: Array, rows: Rows, x: Array, scale: float, s: Scratch) -> tuple[float, float]:
     """Gradient of the Lagrangian and gaps of the slacks; the largest of both, and the complementarity."""
     worst = 0.0
     for i in range(x.shape[0]):
@@ -211,7 +210,8 @@ def _add_to_row(rows: Rows, value: float, r: int, out: Array) -> None:
 def _room(rows: Rows, x: Array, side: int, r: int) -> float:
     """Distance of one row from its lower (side 0) or upper bound."""
     value = _of_row(rows, x, r)
-    return value - rows.lower[r] if side == 0 else rows.upper[r] - value
+    room: float = value - rows.lower[r] if side == 0 else rows.upper[r] - value
+    return room
 
 
 @kernel
