@@ -1,11 +1,11 @@
 """Tune a controller on the fast turn: ``python benchmarks/tune.py CONTROLLER``, the same search for each.
 
-The first flight has the starting values, half of the rest are drawn at random, each parameter log-uniform within
-FACTOR of its start; the other half are drawn around the best so far, log-normal with a spread that falls by the flight
-from a third of the way to FACTOR to a hundredth. Values are rounded to three digits and cut at the parameter's bounds
-before they are flown. The objective is the RMSE after 2 s in deg/s, with ROLLED_OVER added for a body that rolled over
-and DIVERGED in its place for a flight that did not end. Prints one line per flight that is better than all before, and
-the parameters to write into the scenario.
+The first flight has the starting values. Half of the rest are drawn at random, each parameter log-uniform within
+FACTOR of its start; the other half are drawn around the best so far, log-normal with a spread that falls by the
+flight from a third of the way to FACTOR to a hundredth. Values are rounded to three digits and cut at the
+parameter's bounds before they are flown. The objective is the RMSE after 2 s in deg/s, with ROLLED_OVER added for a
+body that rolled over and DIVERGED in its place for a flight that did not end. Prints one line per flight that is
+better than all before, and the parameters to write into the scenario.
 """
 
 import math

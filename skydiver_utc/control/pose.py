@@ -45,10 +45,11 @@ class PoseController:
     def _damping(self, feed_forward: float) -> float:
         """Constant, or lowered where the feed-forward asks for more than its largest pattern angle.
 
-        In a steady turn the pattern's moment, near enough proportional to alpha, is that of the damping, Cm times
-        the yaw rate: what alpha may not add to turn faster, Cm must give way.
+        In a steady turn the pattern's moment, near enough proportional to alpha, is that of the damping: Cm, and
+        what the body itself adds to it, times the yaw rate. What alpha may not add, Cm must give way.
         """
-        constant, most = self._parameters.Cm_damp_yaw, self._parameters.alpha_feed_forward_max
-        if most > 0.0 and abs(feed_forward) > most:
-            return constant * most / abs(feed_forward)
-        return constant
+        p = self._parameters
+        if p.alpha_feed_forward_max > 0.0 and abs(feed_forward) > p.alpha_feed_forward_max:
+            share = p.alpha_feed_forward_max / abs(feed_forward)
+            return share * (p.Cm_damp_yaw + p.Cm_damp_body) - p.Cm_damp_body
+        return p.Cm_damp_yaw

@@ -19,7 +19,9 @@ from skydiver_utc.unscented.linear_algebra import cholesky, divide_by_lower, div
 Array = NDArray[np.float64]
 
 _MOST_ITERATIONS = 60
-_TOLERANCE = 1e-12
+# Relative to the scale of the forces. Rounding leaves about 1e-11 of the gradient once slacks are small.
+_LARGEST_RESIDUAL = 1e-9
+_LARGEST_COMPLEMENTARITY = 1e-12
 _SHARE_OF_REACH = 0.995
 
 
@@ -66,7 +68,7 @@ def solve_quadratic_program(H: Array, g: Array, rows: Rows, x: Array, s: Scratch
         return -1
     for iteration in range(_MOST_ITERATIONS):
         worst, complementarity = _residuals(H, g, rows, x, scale, s)
-        if worst <= _TOLERANCE and complementarity <= _TOLERANCE * scale:
+        if worst <= _LARGEST_RESIDUAL and complementarity <= _LARGEST_COMPLEMENTARITY * scale:
             _set_on_active_bounds(rows, scale, x, s)
             return iteration
         if not _factorise(H, rows, s):
@@ -89,18 +91,22 @@ def solve_quadratic_program(H: Array, g: Array, rows: Rows, x: Array, s: Scratch
 
 @kernel
 def _start(H: Array, g: Array, rows: Rows, x: Array, s: Scratch) -> float:
-    """Slacks and forces to start from; returns the largest entry of the gradient, the scale of all forces."""
+    """Slacks and forces to start from; returns the scale of all forces, the largest sum of the gradient's terms.
+
+    The gradient itself will not do: it is zero where the start is the minimiser.
+    """
     scale = 1e-300
     for i in range(x.shape[0]):
-        total = g[i]
+        total = abs(g[i])
         for j in range(x.shape[0]):
-            total += H[i, j] * x[j]
-        scale = max(scale, abs(total)) if np.isfinite(total) else np.inf
+            total += abs(H[i, j] * x[j])
+        # A comparison, for np.isfinite is x - x == 0, which the compiler may fold for a sum.
+        scale = max(scale, total) if total < np.inf else np.inf
     for r in range(rows.lower.shape[0]):
         width = rows.upper[r] - rows.lower[r]
         least = 0.01 * width if width < np.inf else 0.01
         for side in range(2):
-            limited = np.isfinite(rows.lower[r] if side == 0 else rows.upper[r])
+            limited = abs(rows.lower[r] if side == 0 else rows.upper[r]) < np.inf
             s.slack[side, r] = max(_room(rows, x, side, r), least) if limited else 1.0
             # A side without a bound keeps the force zero throughout.
             s.force[side, r] = scale if limited else 0.0

@@ -25,6 +25,9 @@ class PoseControllerParameters(Parameters, frozen=True, tag_field="kind", tag="p
             le=2,
         ),
     ] = 0.0
+    Cm_damp_body: Annotated[
+        float, quantity("1", "what the body itself adds to the yaw damping in a steady turn", ge=0, le=50)
+    ] = 0.1
 
     def preview_steps(self, dt_s: float) -> int:
         """Steps of the reference beyond the present that the controller needs."""
