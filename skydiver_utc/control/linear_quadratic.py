@@ -65,7 +65,7 @@ def design(plant: Equilibrium, control_weight: Array, change_weight: Array, prev
 class LinearQuadraticController:
     """Flies the gains; `measure` gives z (n,) of a state."""
 
-    telemetry_names: tuple[str, ...] = ("error", "distance_from_equilibrium")
+    telemetry_names: tuple[str, ...] = ("error", "beyond_limits")
 
     def __init__(
         self,
@@ -97,4 +97,4 @@ class LinearQuadraticController:
         self._applied = control
         error = float(reference[0] - self._plant.C @ z)
         status = Status.SOLVED if (control == wanted).all() else Status.SATURATED
-        return Decision(control.copy(), np.array([error, float(np.sqrt(z @ z))]), status)
+        return Decision(control.copy(), np.array([error, np.abs(wanted - control).max()]), status)
