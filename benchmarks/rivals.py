@@ -1,10 +1,10 @@
 """UTC beside its rivals, on the same plant, tasks and clock: ``python benchmarks/rivals.py`` prints the table of
 docs/rivals.md.
 
-Each controller flies the fast turn (400 deg/s at 0.2 Hz) with its scenario's parameters, and the slow turn (180 deg/s at
-0.1 Hz) with the same ones. RMSE, convergence and effort as `skydiver-utc simulate` reports them. The time of one
-decision is taken in turns, one decision of each controller after the other along its own fast turn, so that a busy
-machine is busy for all; `ratio` is the median over that of fast_turn_unknown_dynamics.
+Each controller flies the fast turn (400 deg/s at 0.2 Hz) with its scenario's parameters, and the slow turn
+(180 deg/s at 0.1 Hz) with the same ones. RMSE, convergence and effort as `skydiver-utc simulate` reports them. The
+time of one decision is taken in turns, one decision of each controller after the other along its own fast turn, so
+that a busy machine is busy for all; `ratio` is the median over that of fast_turn_unknown_dynamics.
 """
 
 import time

@@ -85,18 +85,26 @@ def test_with_magnitude_limits_it_is_bounded_least_squares():
     assert decision.status is Status.SATURATED
 
 
-@pytest.mark.parametrize("level", [3.0, -3.0])
-def test_with_rate_limits_it_is_bounded_least_squares_in_the_changes(level):
+@pytest.mark.parametrize(
+    ("reference", "slew", "bounded_in"),
+    [
+        (np.full(7, 3.0), np.array([0.05, 0.1, 0.02]), "first"),
+        (np.full(7, -3.0), np.array([0.05, 0.1, 0.02]), "first"),
+        (np.array([0, 0, 0, 0, 0, 2.0, 2.0]), np.array([0.5, 0.5, 0.5]), "later"),
+    ],
+    ids=["up", "down", "late"],
+)
+def test_with_rate_limits_it_is_bounded_least_squares_in_the_changes(reference, slew, bounded_in):
     """Magnitudes out of reach, so that the changes from block to block are the bounded unknowns."""
-    slew = np.array([0.05, 0.1, 0.02])
     limits = ControlLimits(-WIDE, WIDE, slew)
-    reference = np.full(7, level)
     M, t, change, before = least_squares(reference, np.isfinite(slew))
     to_sequence = np.linalg.inv(change)
     allowed = np.tile(slew * HOLD, 3)
     found = lsq_linear(M @ to_sequence, t - M @ to_sequence @ before, (-allowed, allowed), method="bvls").x
     decision = controller_of(limits).decide(STATE, reference)
-    assert (np.abs(found[:3]) == allowed[:3]).any()
+    at_limit = np.abs(found) == allowed
+    assert at_limit[:3].any() == (bounded_in == "first")
+    assert at_limit[3:].any()
     # The first of the two periods of the first block takes half of the block's change.
     np.testing.assert_allclose(decision.control, APPLIED + found[:3] / HOLD, atol=1e-8)
 

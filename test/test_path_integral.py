@@ -92,6 +92,12 @@ def test_one_seed_gives_the_same_bits_and_another_does_not():
     assert [decided(first).control.tobytes() for _ in range(5)] == flown[0]
 
 
+def test_the_first_sample_is_the_sequence_at_hand():
+    sampling = Sampling(3, np.zeros(2), TEMPERATURE, 0)
+    controller = PathIntegralController(roll_out, FREE, Horizon(1, 1, 1), COST, sampling, START)
+    np.testing.assert_allclose(decided(controller).control, START, rtol=1e-15)
+
+
 def test_limits_hold():
     limits = ControlLimits(np.array([-1.0, -1.0]), np.array([0.3, 1.0]), np.array([np.inf, 0.05]))
     controller = controller_of(200, 0, limits)

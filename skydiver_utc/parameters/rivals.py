@@ -60,7 +60,15 @@ class HorizonParameters(CostParameters, frozen=True):
 
     horizon_steps: Annotated[int, quantity("steps", "model steps in the horizon", ge=1, le=500)] = 20
     blocks: Annotated[int, quantity("1", "controls in the horizon; 1: one held control", ge=1, le=100)] = 4
-    step_periods: Annotated[int, quantity("1", "control periods in one model step", ge=1, le=20)] = 4
+    step_periods: Annotated[
+        int,
+        quantity(
+            "1",
+            "control periods in one model step; of 4.2 ms more than 5 are too long for Runge-Kutta in roll",
+            ge=1,
+            le=20,
+        ),
+    ] = 4
 
     def __post_init__(self) -> None:
         if self.horizon_steps % self.blocks:
