@@ -7,7 +7,7 @@ from skydiver_utc.control.horizon import Horizon
 from skydiver_utc.control.protocol import Status
 from skydiver_utc.parameters import ParameterError, load_scenario
 from skydiver_utc.plant.model import build_model
-from skydiver_utc.plant.skydiver import SkydiverPlant
+from skydiver_utc.plant.skydiver import RATE_AT, SkydiverPlant
 from skydiver_utc.plant.steady import straight_falls
 from skydiver_utc.plant.yaw import steady_yaw_rates
 from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
@@ -138,7 +138,7 @@ def test_a_roll_out_is_the_plant_flown_step_by_step(plant, turning):
     drawn = sequences(np.random.default_rng(0), 4, 3)
     drawn[2, 0], drawn[3, :2] = drawn[0, 0], drawn[0, :2]
     outputs = np.empty((4, 6))
-    SkydiverRollOut(plant.model, horizon)(state, applied, drawn, outputs)
+    SkydiverRollOut(plant.model, horizon, RATE_AT["yaw_rate"])(state, applied, drawn, outputs)
     for sequence, rates in zip(drawn, outputs, strict=True):
         x, alpha = state, applied[3]
         for j in range(6):
@@ -153,10 +153,27 @@ def test_a_long_model_step_stands_for_several_control_periods(plant, turning):
     state, applied = turning
     drawn = sequences(np.random.default_rng(1), 3, 2)
     fine, coarse = np.empty((3, 16)), np.empty((3, 4))
-    SkydiverRollOut(plant.model, Horizon(16, 2, 1))(state, applied, drawn, fine)
-    SkydiverRollOut(plant.model, Horizon(4, 2, 4))(state, applied, drawn, coarse)
+    SkydiverRollOut(plant.model, Horizon(16, 2, 1), RATE_AT["yaw_rate"])(state, applied, drawn, fine)
+    SkydiverRollOut(plant.model, Horizon(4, 2, 4), RATE_AT["yaw_rate"])(state, applied, drawn, coarse)
     moved = np.abs(fine[:, -1] - state[12]).min()
     np.testing.assert_allclose(coarse, fine[:, 3::4], atol=0.02 * moved)
+
+
+@pytest.mark.parametrize("name", ["lqr", "gauss_newton", "mppi"])
+def test_a_reference_of_the_pitch_rate_is_tracked_in_the_pitch_rate(name):
+    """A pitch rate changes the control, a yaw rate hardly."""
+    scenario = load_scenario("front_layout", {"controller": RIVALS[name]})
+    preview = np.zeros(build_controller(scenario).preview_steps + 1)
+
+    def decided(**rates):
+        state = build_plant(scenario).initial_state()
+        for rate, value in rates.items():
+            state[RATE_AT[rate]] = value
+        return build_controller(scenario).decide(state, preview).control
+
+    still = decided()
+    by_pitch, by_yaw = decided(pitch_rate=0.05) - still, decided(yaw_rate=0.05) - still
+    assert np.abs(by_pitch).max() > 10 * np.abs(by_yaw).max()
 
 
 def test_horizon_and_blocks_must_fit():
