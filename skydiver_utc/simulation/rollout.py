@@ -45,8 +45,8 @@ def roll_out(
     """Body rates [rad/s] after each model step to outputs (S, N), of sequences (S, B, 4).
 
     A model step is `periods` control periods; over it alpha is held at the mean of what it takes in them, on its
-    even way through the block of `hold` model steps. A sequence that begins with the blocks of the first one goes on
-    from the states that the first one left in starts (B, 13).
+    even way through the block of `hold` model steps. A sequence that begins with the blocks of the first one goes
+    on from the states that the first one left in starts (B, 13).
     """
     x, control = work[:STATE_SIZE], work[STATE_SIZE : STATE_SIZE + 4]
     scratch = work[STATE_SIZE + 4 :]
