@@ -110,7 +110,7 @@ class CUtc:
         """Start at step 0 of a reference profile [rad/s] that reaches beyond the last step by the preview."""
         parameters = self._parameters
         reach = parameters.preview_steps(self._dt) + 1
-        schedule = CouplingSchedule(parameters, parameters.k_hyst(self._dt))
+        schedule = CouplingSchedule(parameters, parameters.k_hyst(self._dt), self._dt)
         covariance = schedule.initial_covariance(profile[:reach])
         self._Qu = np.array([schedule.process_noise(profile[k : k + reach]) for k in range(steps)])
         self._references = profile[parameters.horizon_steps :].tolist()

@@ -40,14 +40,24 @@ from skydiver_utc.parameters.reference import (
     Signal,
     SineReference,
 )
+from skydiver_utc.parameters.rivals import (
+    CostParameters,
+    GaussNewtonParameters,
+    HorizonParameters,
+    LqrParameters,
+    MppiParameters,
+)
 from skydiver_utc.parameters.scenario import Scenario
 from skydiver_utc.parameters.yaml_io import ParameterError
 
 __all__ = [
     "Air",
     "ConstantReference",
+    "CostParameters",
     "Damping",
+    "GaussNewtonParameters",
     "Hands",
+    "HorizonParameters",
     "InitialCondition",
     "JointLimits",
     "JointRange",
@@ -55,7 +65,9 @@ __all__ = [
     "Leaf",
     "Limbs",
     "Limits",
+    "LqrParameters",
     "MovementPattern",
+    "MppiParameters",
     "OpenLoopParameters",
     "ParameterError",
     "Pattern",

@@ -3,6 +3,7 @@
 from typing import Annotated, Literal
 
 from skydiver_utc.parameters.fields import Parameters, quantity, text
+from skydiver_utc.parameters.rivals import GaussNewtonParameters, LqrParameters, MppiParameters
 
 Gain = Annotated[float, quantity("s", "gain from yaw rate to pattern angle", ge=-100, le=100)]
 Variance = Annotated[float, quantity("control^2", "variance of one control", ge=0, le=1e6)]
@@ -15,6 +16,18 @@ class PoseControllerParameters(Parameters, frozen=True, tag_field="kind", tag="p
     K_p: Gain = 1.5
     K_FF: Gain = 0.1
     Cm_damp_yaw: Annotated[float, quantity("1", "constant yaw damping coefficient", ge=0, le=50)] = 0.5
+    alpha_feed_forward_max: Annotated[
+        float,
+        quantity(
+            "rad",
+            "above a feed-forward of this size the yaw damping is lowered instead; 0: damping stays constant",
+            ge=0,
+            le=2,
+        ),
+    ] = 0.0
+    Cm_damp_body: Annotated[
+        float, quantity("1", "what the body itself adds to the yaw damping in a steady turn", ge=0, le=50)
+    ] = 0.1
 
     def preview_steps(self, dt_s: float) -> int:
         """Steps of the reference beyond the present that the controller needs."""
@@ -156,4 +169,11 @@ class UtcParameters(Parameters, frozen=True, tag_field="kind", tag="utc"):
         return max(self.horizon_steps + self.tau_steps(dt_s), self.k_hyst(dt_s) + 1)
 
 
-Controller = OpenLoopParameters | PoseControllerParameters | UtcParameters
+Controller = (
+    OpenLoopParameters
+    | PoseControllerParameters
+    | UtcParameters
+    | LqrParameters
+    | GaussNewtonParameters
+    | MppiParameters
+)

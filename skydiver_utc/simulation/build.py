@@ -6,10 +6,19 @@ from skydiver_utc.control.limits import ControlLimits
 from skydiver_utc.control.open_loop import OpenLoop
 from skydiver_utc.control.pose import PoseController
 from skydiver_utc.control.protocol import Controller
-from skydiver_utc.parameters import OpenLoopParameters, PoseControllerParameters, Scenario
+from skydiver_utc.parameters import (
+    GaussNewtonParameters,
+    LqrParameters,
+    MppiParameters,
+    OpenLoopParameters,
+    PoseControllerParameters,
+    Scenario,
+    UtcParameters,
+)
 from skydiver_utc.plant.model import build_model
 from skydiver_utc.plant.skydiver import RATE_AT, SkydiverPlant
 from skydiver_utc.reference.profiles import ReferenceProfile
+from skydiver_utc.simulation.rivals import build_gauss_newton, build_lqr, build_mppi
 from skydiver_utc.simulation.skydiver_utc_controller import SkydiverUtc
 
 
@@ -32,11 +41,19 @@ def build_controller(scenario: Scenario) -> Controller:
     )
     plant = SkydiverPlant(scenario, build_model(scenario))
     parameters = scenario.controller
+    initial = plant.initial_control()
     if isinstance(parameters, OpenLoopParameters):
-        return OpenLoop(parameters, limits, plant.initial_control())
+        return OpenLoop(parameters, limits, initial)
     tracked = RATE_AT[scenario.reference.signal]
-    if isinstance(parameters, PoseControllerParameters):
-        return PoseController(parameters, limits, plant.initial_control(), tracked)
-    return SkydiverUtc(
-        parameters, plant.model, limits, plant.initial_control(), tracked, scenario.initial.fall_speed_m_s
-    )
+    match parameters:
+        case PoseControllerParameters():
+            return PoseController(parameters, limits, initial, tracked)
+        case LqrParameters():
+            return build_lqr(parameters, plant.model, limits, initial, tracked)
+        case GaussNewtonParameters():
+            return build_gauss_newton(parameters, plant.model, limits, initial, tracked)
+        case MppiParameters():
+            return build_mppi(parameters, plant.model, limits, initial, tracked, scenario.seed)
+        case UtcParameters():
+            fall_rate = scenario.initial.fall_speed_m_s
+            return SkydiverUtc(parameters, plant.model, limits, initial, tracked, fall_rate)

@@ -1,0 +1,161 @@
+"""Tune a controller on the fast turn: ``python benchmarks/tune.py CONTROLLER``, the same search for each.
+
+The first flight has the starting values. Half of the rest are drawn at random, each parameter log-uniform within
+FACTOR of its start; the other half are drawn around the best so far, log-normal with a spread that falls by the
+flight from a third of the way to FACTOR to a hundredth. Values are rounded to three digits and cut at the
+parameter's bounds before they are flown. The objective is the RMSE after 2 s in deg/s, with ROLLED_OVER added for a
+body that rolled over and DIVERGED in its place for a flight that did not end. Prints one line per flight that is
+better than all before, and the parameters to write into the scenario.
+"""
+
+import math
+import time
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import click
+import numpy as np
+
+from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.parameters import Leaf, Scenario, leaves, load_scenario
+from skydiver_utc.simulation.closed_loop import simulate
+from skydiver_utc.simulation.outcome import Outcome
+
+FACTOR = 30.0
+FLIGHTS = 64
+ROLLED_OVER, DIVERGED = 100.0, 1000.0
+TASK = "fast_turn_pose_only"
+
+Values = dict[str, float | int]
+
+_COSTS: Values = {
+    "rest_Cm_damp_yaw": 0.5,
+    "cost_Cm_damp_yaw": 0.1,
+    "cost_hands": 0.1,
+    "cost_alpha": 0.01,
+    "change_cost_Cm_damp_yaw": 1.0,
+    "change_cost_hands": 1.0,
+    "change_cost_alpha": 1.0,
+}
+_POSE: Values = {"K_p": 1.5, "K_FF": 0.1, "Cm_damp_yaw": 0.5}
+_UTC: Values = {
+    "P_err": 1e-4,
+    "Qu_ratio": 0.1,
+    "variance_Cm_damp_yaw": 6.25,
+    "variance_k_right": 0.01,
+    "variance_k_left": 0.01,
+    "variance_alpha": 0.01,
+    "covariance_12": 0.74,
+    "covariance_13": 0.74,
+    "covariance_14": 0.56,
+}
+
+
+class Subject(NamedTuple):
+    """What is held, and what is tuned from which start."""
+
+    held: dict[str, object]
+    start: Values
+
+
+SUBJECTS: dict[str, Subject] = {
+    "pose": Subject({"kind": "pose"}, _POSE),
+    "pose_feed_forward": Subject({"kind": "pose"}, _POSE | {"alpha_feed_forward_max": 1.0}),
+    "lqr": Subject({"kind": "lqr"}, _COSTS | {"horizon_steps": 100}),
+    "gauss_newton_held": Subject(
+        {"kind": "gauss_newton", "horizon_steps": 20, "blocks": 1}, _COSTS | {"step_periods": 1}
+    ),
+    "gauss_newton": Subject(
+        {"kind": "gauss_newton", "horizon_steps": 20, "blocks": 5}, _COSTS | {"step_periods": 1}
+    ),
+    "mppi": Subject(
+        {"kind": "mppi", "horizon_steps": 20, "blocks": 5, "samples": 64},
+        _COSTS
+        | {
+            "step_periods": 1,
+            "temperature": 0.01,
+            "deviation_Cm_damp_yaw": 0.1,
+            "deviation_hands": 0.02,
+            "deviation_alpha": 0.03,
+        },
+    ),
+    "utc_unknown_dynamics": Subject(
+        {"kind": "utc", "alpha_dynamics": "unknown", "saved_control_reading": "drawn"},
+        _UTC | {"horizon_steps": 20},
+    ),
+    "utc_pi_dynamics": Subject(
+        {"kind": "utc", "alpha_dynamics": "incremental", "saved_control_reading": "first_step"},
+        _UTC | {"horizon_steps": 5, "K_p": 1.5, "K_FF": 0.1},
+    ),
+}
+
+
+def objective(scenario: Scenario) -> float:
+    """What is to be small."""
+    values = metrics(simulate(scenario))
+    if values["outcome"] not in (Outcome.COMPLETED.value, Outcome.ROLLED_OVER.value):
+        return DIVERGED
+    return float(values["rmse_deg_s"]) + ROLLED_OVER * (values["outcome"] == Outcome.ROLLED_OVER.value)
+
+
+def scenario_of(subject: Subject, values: Values) -> Scenario:
+    """The fast turn with this controller."""
+    return load_scenario(TASK, {"controller": subject.held | values})
+
+
+def admitted(value: float, start: float | int, leaf: Leaf) -> float | int:
+    """A value as it is flown: three digits, whole where the start is, inside the parameter's bounds."""
+    value = float(f"{value:.3g}")
+    value = min(max(value, leaf.minimum or -math.inf), leaf.maximum or math.inf)
+    return round(value) if isinstance(start, int) else value
+
+
+def search(subject: Subject, flights: int, seed: int) -> Iterator[tuple[Values, float]]:
+    """Flown parameters with their objectives."""
+    generator = np.random.default_rng(seed)
+    bounds = {leaf.name: leaf for leaf in leaves(scenario_of(subject, subject.start))}
+    names = list(subject.start)
+    start = np.log([subject.start[name] for name in names])
+    reach = math.log(FACTOR)
+
+    def values(point: np.ndarray) -> Values:
+        pairs = zip(names, np.exp(point), strict=True)
+        return {n: admitted(v, subject.start[n], bounds[f"controller.{n}"]) for n, v in pairs}
+
+    best_point, best = start, math.inf
+    random = 1 + (flights - 1) // 2
+    for flight in range(flights):
+        if flight == 0:
+            point = start
+        elif flight < random:
+            point = start + generator.uniform(-reach, reach, len(names))
+        else:
+            spread = reach / 3.0 * 0.03 ** ((flight - random) / max(1, flights - random - 1))
+            point = best_point + spread * generator.standard_normal(len(names))
+        tried = values(point)
+        result = objective(scenario_of(subject, tried))
+        if result < best:
+            best_point, best = point, result
+        yield tried, result
+
+
+@click.command(help=__doc__)
+@click.argument("controller", type=click.Choice(list(SUBJECTS)))
+@click.option("--flights", default=FLIGHTS, show_default=True, help="Flights in all.")
+@click.option("--seed", default=1, show_default=True, help="Seed of the search.")
+def main(controller: str, flights: int, seed: int) -> None:
+    subject, best, began = SUBJECTS[controller], math.inf, time.process_time()
+    chosen = subject.start
+    for flight, (values, result) in enumerate(search(subject, flights, seed)):
+        if result < best:
+            best, chosen = result, values
+            print(f"# flight {flight}: {result:.4g} deg/s", flush=True)
+    print(f"# python benchmarks/tune.py {controller} --flights {flights} --seed {seed}")
+    print(f"# objective {best:.4g} deg/s, {time.process_time() - began:.0f} s of CPU")
+    print("controller:")
+    for name, value in {**subject.held, **chosen}.items():
+        print(f"  {name}: {value}")
+
+
+if __name__ == "__main__":
+    main()
