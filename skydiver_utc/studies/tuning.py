@@ -1,0 +1,78 @@
+"""How much the tuning matters: random covariances around the scenario's own, and what comes of each flight."""
+
+import csv
+import io
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.parameters import ParameterError, Scenario, UtcParameters
+from skydiver_utc.studies.runs import Done, Measures, fly_all, measure
+
+# Everything in UTC that is a covariance.
+FACTORS = (
+    "variance_Cm_damp_yaw",
+    "variance_k_right",
+    "variance_k_left",
+    "variance_alpha",
+    "covariance_12",
+    "covariance_13",
+    "covariance_14",
+    "Qu_ratio",
+    "P_err",
+)
+REACH = 10.0
+_DIGITS = 4  # of a factor, so that a row of the table flies again as it was flown
+
+
+class Tuning(NamedTuple):
+    """One flight of the study: its factors on the scenario's covariances, in the order of FACTORS."""
+
+    factors: tuple[float, ...]
+    measures: Measures
+
+
+def draw(count: int, seed: int) -> NDArray[np.float64]:
+    """Factors (count, 9), log-uniform between 1 / REACH and REACH."""
+    exponents = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(FACTORS)))
+    rounded = [[float(f"{REACH**e:.{_DIGITS}g}") for e in row] for row in exponents]
+    return np.array(rounded)
+
+
+def retuned(scenario: Scenario, factors: NDArray[np.float64]) -> Scenario:
+    """The scenario with each covariance times its factor."""
+    controller = scenario.controller
+    if not isinstance(controller, UtcParameters):
+        raise ParameterError(f"scenario {scenario.name} has no covariances to tune: give one that UTC flies")
+    changed = {
+        name: getattr(controller, name) * factor for name, factor in zip(FACTORS, factors, strict=True)
+    }
+    return msgspec.structs.replace(scenario, controller=msgspec.structs.replace(controller, **changed))
+
+
+def tune(scenario: Scenario, count: int, seed: int, jobs: int, done: Done) -> list[Tuning]:
+    """Fly a scenario with `count` random tunings."""
+    factors = draw(count, seed)
+    flights = {str(i): retuned(scenario, row) for i, row in enumerate(factors)}
+    kept = fly_all(flights, measure, jobs, done)
+    return [Tuning(tuple(factors[i].tolist()), kept[str(i)]) for i in range(count)]
+
+
+_COLUMNS = ("outcome", "rmse_deg_s", "max_abs_error_deg_s", "convergence_time_s", "control_effort")
+
+
+def to_csv(tunings: dict[str, list[Tuning]]) -> str:
+    """One row per flight, by scenario."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["scenario", *FACTORS, *_COLUMNS, "kept_previous_steps"])
+    for scenario, rows in tunings.items():
+        for tuning in rows:
+            found = [getattr(tuning.measures, name) for name in _COLUMNS]
+            short = [f"{value:.4g}" if isinstance(value, float) else value for value in found]
+            writer.writerow(
+                [scenario, *tuning.factors, *short, tuning.measures.status_steps["kept_previous"]]
+            )
+    return text.getvalue()
