@@ -332,6 +332,80 @@ def stability(
     tell(scenario, plant, settings, alpha, steps, as_json)
 
 
+_jobs = click.option(
+    "--jobs",
+    default=2,
+    show_default=True,
+    type=click.IntRange(1),
+    help="Processes that fly at the same time.",
+)
+_out_folder = click.option(
+    "--out", metavar="FOLDER", help="Write files into this folder, made if it is not there."
+)
+
+
+@main.group()
+def compare() -> None:
+    """Put this package beside others' results."""
+
+
+@compare.command(short_help="Fly all that the paper shows and claims.")
+@_out_folder
+@click.option("--quick", is_flag=True, help="Only the first seconds of each flight: does it all work?")
+@_jobs
+@_json
+@_quiet
+def paper(out: str | None, quick: bool, jobs: int, as_json: bool, quiet: bool) -> None:
+    """Fly every configuration of the paper: a table, its figures, and a checklist of its claims.
+
+    FOLDER receives paper.md, results.json and the figures. A tuning study found there goes into the page.
+    """
+    from skydiver_utc.verbs.compare import compare_paper
+
+    compare_paper(Path(out) if out else None, quick, jobs, as_json, quiet)
+
+
+@main.group()
+def study() -> None:
+    """Answer one question with many flights."""
+
+
+@study.command(short_help="Fly with random covariances.")
+@click.option(
+    "--scenario",
+    "names",
+    multiple=True,
+    default=("fast_turn_unknown_dynamics", "fast_turn_pi_dynamics"),
+    show_default=True,
+    metavar="SCENARIO",
+    help="What is tuned. Repeatable.",
+)
+@_settings
+@click.option("--count", default=500, show_default=True, type=click.IntRange(2), help="Tunings per scenario.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of the tunings.")
+@_out_folder
+@_jobs
+@_json
+@_quiet
+def tuning(
+    names: tuple[str, ...],
+    settings: tuple[str, ...],
+    count: int,
+    seed: int,
+    out: str | None,
+    jobs: int,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Fly SCENARIO with random tunings: each covariance times a factor between 0.1 and 10, log-uniform.
+
+    FOLDER receives tuning.csv (every flight), tuning.json and tuning.png.
+    """
+    from skydiver_utc.verbs.study import study_tuning
+
+    study_tuning(names, settings, count, seed, Path(out) if out else None, jobs, as_json, quiet)
+
+
 @main.command()
 @_json
 def scenarios(as_json: bool) -> None:

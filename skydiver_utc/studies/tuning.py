@@ -2,6 +2,7 @@
 
 import csv
 import io
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import msgspec
@@ -41,11 +42,16 @@ def draw(count: int, seed: int) -> NDArray[np.float64]:
     return np.array(rounded)
 
 
+def check_tunable(scenario: Scenario) -> Scenario:
+    """The scenario, if UTC flies it; raises `ParameterError`."""
+    if not isinstance(scenario.controller, UtcParameters):
+        raise ParameterError(f"scenario {scenario.name} has no covariances to tune: give one that UTC flies")
+    return scenario
+
+
 def retuned(scenario: Scenario, factors: NDArray[np.float64]) -> Scenario:
     """The scenario with each covariance times its factor."""
     controller = scenario.controller
-    if not isinstance(controller, UtcParameters):
-        raise ParameterError(f"scenario {scenario.name} has no covariances to tune: give one that UTC flies")
     changed = {
         name: getattr(controller, name) * factor for name, factor in zip(FACTORS, factors, strict=True)
     }
@@ -63,7 +69,7 @@ def tune(scenario: Scenario, count: int, seed: int, jobs: int, done: Done) -> li
 _COLUMNS = ("outcome", "rmse_deg_s", "max_abs_error_deg_s", "convergence_time_s", "control_effort")
 
 
-def to_csv(tunings: dict[str, list[Tuning]]) -> str:
+def to_csv(tunings: Mapping[str, Sequence[Tuning]]) -> str:
     """One row per flight, by scenario."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -1,0 +1,59 @@
+"""``skydiver-utc study``: many flights for one question."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from skydiver_utc.studies.tuning import Tuning, check_tunable, tune
+from skydiver_utc.studies.tuning_files import summaries_to_json, write_study
+from skydiver_utc.studies.tuning_page import count_rows, reason_rows
+from skydiver_utc.studies.tuning_summary import TuningSummary, summarise
+from skydiver_utc.verbs.outputs import prepared_folder
+from skydiver_utc.verbs.screen import count_progress
+from skydiver_utc.verbs.settings import load
+
+
+def study_tuning(
+    names: Sequence[str],
+    settings: Sequence[str],
+    count: int,
+    seed: int,
+    out: Path | None,
+    jobs: int,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Fly each scenario with the same random tunings, write what came of it to `out`, print the summary."""
+    scenarios = {name: check_tunable(load(name, settings)) for name in names}
+    out = prepared_folder(out)
+    tunings: dict[str, list[Tuning]] = {}
+    for name, scenario in scenarios.items():
+        with count_progress(name, count, quiet) as done:
+            tunings[name] = tune(scenario, count, seed, jobs, done)
+    summaries = {name: summarise(scenarios[name], rows) for name, rows in tunings.items()}
+    if out is not None:
+        write_study(out, scenarios, tunings, summaries)
+    if as_json:
+        print(summaries_to_json(summaries), end="")
+    else:
+        _show(summaries)
+
+
+def _show(summaries: dict[str, TuningSummary]) -> None:
+    console = Console()
+    for title, rows in (
+        ("Random tunings", count_rows(summaries)),
+        (
+            "Rank correlation with the RMSE; converged in the lowest, middle, highest third",
+            reason_rows(summaries),
+        ),
+    ):
+        table = Table(title=title, title_justify="left", title_style="bold")
+        for name in ("", *summaries):
+            table.add_column(name)
+        for row in rows:
+            table.add_row(*map(Text, row))
+        console.print(table)
