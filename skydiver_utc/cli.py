@@ -406,6 +406,19 @@ def tuning(
     study_tuning(names, settings, count, seed, Path(out) if out else None, jobs, as_json, quiet)
 
 
+@study.command(short_help="Draw the figures of the tuning guide.")
+@click.option(
+    "--out", required=True, metavar="FOLDER", help="Write the figures here; made if it is not there."
+)
+@_jobs
+@_quiet
+def guide(out: str, jobs: int, quiet: bool) -> None:
+    """Fly the right and the wrong settings of each step of docs/tuning.md, and draw their telemetry."""
+    from skydiver_utc.verbs.study import study_guide
+
+    study_guide(Path(out), jobs, quiet)
+
+
 @main.command()
 @_json
 def scenarios(as_json: bool) -> None:

@@ -21,7 +21,8 @@ _STYLES = {Verdict.HOLDS: "green", Verdict.PARTLY: "yellow", Verdict.FAILS: "red
 
 def compare_paper(out: Path | None, quick: bool, jobs: int, as_json: bool, quiet: bool) -> None:
     """Fly the comparison, write page, results and figures to `out`, print configurations and checklist."""
-    out = prepared_folder(out)
+    if out is not None:
+        prepared_folder(out)
     with count_progress("flights", len(flown.all_runs()), quiet) as done:
         results, flights = fly_comparison(quick, jobs, done)
     if out is not None:

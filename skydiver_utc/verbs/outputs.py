@@ -5,10 +5,8 @@ from pathlib import Path
 from skydiver_utc.verbs.errors import VerbError
 
 
-def prepared_folder(folder: Path | None) -> Path | None:
+def prepared_folder(folder: Path) -> Path:
     """Make the folder before any work is done, so that nothing is computed that could not be written."""
-    if folder is None:
-        return None
     if folder.exists() and not folder.is_dir():
         raise VerbError(f"--out {folder} is a file: give a folder")
     folder.mkdir(parents=True, exist_ok=True)

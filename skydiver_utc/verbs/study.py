@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from skydiver_utc.studies.guide import STEPS, flights_in_guide, fly_guide
 from skydiver_utc.studies.tuning import Tuning, check_tunable, tune
 from skydiver_utc.studies.tuning_files import summaries_to_json, write_study
 from skydiver_utc.studies.tuning_page import count_rows, reason_rows
@@ -28,7 +29,8 @@ def study_tuning(
 ) -> None:
     """Fly each scenario with the same random tunings, write what came of it to `out`, print the summary."""
     scenarios = {name: check_tunable(load(name, settings)) for name in names}
-    out = prepared_folder(out)
+    if out is not None:
+        prepared_folder(out)
     tunings: dict[str, list[Tuning]] = {}
     for name, scenario in scenarios.items():
         with count_progress(name, count, quiet) as done:
@@ -40,6 +42,19 @@ def study_tuning(
         print(summaries_to_json(summaries), end="")
     else:
         _show(summaries)
+
+
+def study_guide(out: Path, jobs: int, quiet: bool) -> None:
+    """Draw the tuning guide's figures into `out`."""
+    from skydiver_utc.analysis.style import png
+    from skydiver_utc.analysis.telemetry_figure import telemetry_figure
+
+    folder = prepared_folder(out)
+    with count_progress("flights", flights_in_guide(), quiet) as done:
+        flown = fly_guide(jobs, done)
+    for step in STEPS:
+        flights = {label: flown[one.command] for label, one in step.flights.items()}
+        (folder / f"{step.name}.png").write_bytes(png(telemetry_figure(step.title, flights)))
 
 
 def _show(summaries: dict[str, TuningSummary]) -> None:
