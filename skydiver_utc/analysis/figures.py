@@ -121,7 +121,7 @@ def _draw_angle(axes: Axes, flight: Flight) -> None:
         axes.axhline(wanted, color=ORANGE, linewidth=4.5, alpha=0.75)
         axes.text(
             0.995, 0.5, f"ends {turned[-1] - wanted:+.1f} deg from the {wanted:g} deg asked for",
-            transform=axes.transAxes, ha="right", va="center", fontsize=8.0, color=GREY, bbox=_PLATE, zorder=5,
+            transform=axes.transAxes, ha="right", va="center", fontsize=8.0, color=GREY, bbox=PLATE, zorder=5,
         )  # fmt: skip
     axes.plot(flight.time_s, turned, color=BLUE, linewidth=1.3)
     axes.set_ylabel(f"{'heading' if reference.signal == 'yaw_rate' else 'pitch'}\nturned [deg]")
