@@ -381,6 +381,15 @@ def study() -> None:
     help="What is tuned. Repeatable.",
 )
 @_settings
+@click.option(
+    "--factor",
+    "reaches",
+    multiple=True,
+    default=(10.0, 3.0),
+    show_default=True,
+    type=click.FloatRange(1.0, 100.0, min_open=True),
+    help="Largest factor on a covariance, and the inverse of the smallest. Repeatable.",
+)
 @click.option("--count", default=500, show_default=True, type=click.IntRange(2), help="Tunings per scenario.")
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of the tunings.")
 @_out_folder
@@ -390,6 +399,7 @@ def study() -> None:
 def tuning(
     names: tuple[str, ...],
     settings: tuple[str, ...],
+    reaches: tuple[float, ...],
     count: int,
     seed: int,
     out: str | None,
@@ -397,13 +407,13 @@ def tuning(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Fly SCENARIO with random tunings: each covariance times a factor between 0.1 and 10, log-uniform.
+    """Fly SCENARIO with random tunings: each covariance times a factor of its own, log-uniform.
 
-    FOLDER receives tuning.csv (every flight), tuning.json and tuning.png.
+    FOLDER receives tuning.json, tuning.png and a table of every flight.
     """
     from skydiver_utc.verbs.study import study_tuning
 
-    study_tuning(names, settings, count, seed, Path(out) if out else None, jobs, as_json, quiet)
+    study_tuning(names, settings, reaches, count, seed, Path(out) if out else None, jobs, as_json, quiet)
 
 
 @study.command(short_help="Draw the figures of the tuning guide.")

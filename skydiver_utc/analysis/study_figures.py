@@ -1,7 +1,7 @@
 """Pictures of many flights: sweeps of one parameter, and random tunings."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from skydiver_utc.analysis.style import BLUE, GREY, ORANGE, VERMILLION, empty_figure, house_style
 
 _COLOURS = (BLUE, ORANGE)
+_LINES: tuple[Any, ...] = ("-", (0, (4, 1.5)))
 _MARKERS = ("o", "s")
 
 
@@ -27,6 +28,7 @@ class Panel(NamedTuple):
     label: str
     values: Sequence[float]
     logarithmic: bool
+    ticks: Sequence[float]
     chosen: Sequence[float]
     curves: Sequence[Curve]
 
@@ -41,7 +43,9 @@ def sweeps_figure(panels: Sequence[Panel]) -> Figure:
             _draw_sweep(axes[1, column], panel, [curve.effort for curve in panel.curves])
             axes[0, column].set_yscale("log")
             axes[1, column].set_xlabel(panel.label)
-            axes[1, column].set_ylim(bottom=0.0)
+        axes[1, 0].set_ylim(
+            0.0, 1.08 * _largest([curve.effort for panel in panels for curve in panel.curves])
+        )
         axes[0, 0].set_ylabel("RMSE from 2 s on [deg/s]")
         axes[1, 0].set_ylabel("control effort [1]")
         handles, labels = axes[0, 0].get_legend_handles_labels()
@@ -63,12 +67,21 @@ def _draw_sweep(axes: Axes, panel: Panel, rows: Sequence[Sequence[float]]) -> No
         )  # fmt: skip
     if panel.logarithmic:
         axes.set_xscale("log")
+    if panel.ticks:
+        axes.set_xticks(panel.ticks, [f"{value:g}" for value in panel.ticks])
+        axes.minorticks_off()
+
+
+def _largest(rows: Sequence[Sequence[float]]) -> float:
+    return float(np.nanmax(np.concatenate([np.asarray(row) for row in rows])))
 
 
 class Cloud(NamedTuple):
-    """The random tunings of one scenario: RMSE [deg/s], inf without one, and each factor's rank correlation."""
+    """Random tunings: their colour and line, RMSE [deg/s] (inf without one), each factor's rank correlation."""
 
     label: str
+    colour: int
+    line: int
     rmse: Sequence[float]
     rank_correlation: Mapping[str, float]
 
@@ -76,12 +89,15 @@ class Cloud(NamedTuple):
 def tuning_figure(clouds: Sequence[Cloud], bar_deg_s: float) -> Figure:
     """How many tunings stay below an RMSE, and which factors move it."""
     with house_style():
-        figure = empty_figure(10.0, 4.6)
+        figure = empty_figure(10.0, 5.4)
         shares, bars = figure.subplots(1, 2, gridspec_kw={"width_ratios": [1.15, 1.0]})
-        for cloud, colour in zip(clouds, _COLOURS, strict=False):
+        for cloud in clouds:
             sizes = np.sort(np.array(cloud.rmse))
             share = np.arange(1, len(sizes) + 1) / len(sizes)
-            shares.step(sizes, 100.0 * share, where="post", color=colour, linewidth=1.6, label=cloud.label)
+            shares.step(
+                sizes, 100.0 * share, where="post", color=_COLOURS[cloud.colour % 2],
+                linestyle=_LINES[cloud.line % 2], linewidth=1.6, label=cloud.label,
+            )  # fmt: skip
         shares.axvline(bar_deg_s, color=GREY, linewidth=1.0, linestyle=(0, (4, 2)))
         shares.annotate(
             "5 % of the amplitude", (bar_deg_s, 3.0), xytext=(5, 0), textcoords="offset points", color=GREY,
@@ -93,7 +109,7 @@ def tuning_figure(clouds: Sequence[Cloud], bar_deg_s: float) -> Figure:
         shares.set_ylabel("random tunings with at most this RMSE [%]")
         _draw_correlations(bars, clouds)
         figure.legend(*shares.get_legend_handles_labels(), loc="upper left", ncols=2)
-        figure.subplots_adjust(left=0.07, right=0.985, bottom=0.115, top=0.91, wspace=0.5)
+        figure.subplots_adjust(left=0.07, right=0.985, bottom=0.1, top=0.87, wspace=0.5)
     return figure
 
 
@@ -101,9 +117,12 @@ def _draw_correlations(axes: Axes, clouds: Sequence[Cloud]) -> None:
     names = list(clouds[0].rank_correlation)
     places = np.arange(len(names))
     height = 0.8 / len(clouds)
-    for i, (cloud, colour) in enumerate(zip(clouds, _COLOURS, strict=False)):
+    for i, cloud in enumerate(clouds):
         values = [cloud.rank_correlation[name] for name in names]
-        axes.barh(places + (i + 0.5) * height - 0.4, values, height=height, color=colour)
+        axes.barh(
+            places + (i + 0.5) * height - 0.4, values, height=height, color=_COLOURS[cloud.colour % 2],
+            alpha=0.5 if cloud.line % 2 else 1.0,
+        )  # fmt: skip
     axes.axvline(0.0, color=GREY, linewidth=0.8)
     axes.set_yticks(places, names)
     axes.invert_yaxis()

@@ -2,7 +2,7 @@
 
 from skydiver_utc.studies import paper_runs as flown
 from skydiver_utc.studies.claim import PAPER_UTC, Claim, amplitude, judge, listed, rmse_of
-from skydiver_utc.studies.markdown import figure
+from skydiver_utc.studies.markdown import figure, percent
 from skydiver_utc.studies.paper_results import PaperResults
 
 # A simple maneuver is followed with an RMSE of at most this share of its amplitude.
@@ -16,9 +16,9 @@ def linear_control(results: PaperResults) -> Claim:
     fast_share = fast.rmse / amplitude(flown.POSE_FAST)
     return Claim(
         "A linear controller follows simple maneuvers and fails the complex one",
-        f"RMSE at most {_FOLLOWED_SHARE:.0%} of the amplitude in `slow_turn`, more in `fast_turn`",
-        f"the pose controller: {figure(slow.rmse)} deg/s ({slow_share:.0%}) and {figure(fast.rmse)} deg/s"
-        f" ({fast_share:.0%})",
+        f"RMSE at most {percent(_FOLLOWED_SHARE)} of the amplitude in `slow_turn`, more in `fast_turn`",
+        f"the pose controller: {figure(slow.rmse)} deg/s ({percent(slow_share)}) and {figure(fast.rmse)} deg/s"
+        f" ({percent(fast_share)})",
         judge([slow_share <= _FOLLOWED_SHARE, fast_share > _FOLLOWED_SHARE]),
     )
 

@@ -15,3 +15,8 @@ def figure(value: float | None) -> str:
     if value is None or value == math.inf:
         return "-"
     return f"{value:.0f}" if abs(value) >= 9.95 else f"{value:.1f}" if abs(value) >= 0.995 else f"{value:.2f}"
+
+
+def percent(share: float) -> str:
+    """A share in whole percent."""
+    return f"{100.0 * share:.0f} %"

@@ -49,5 +49,5 @@ def _sweeps(results: PaperResults) -> Figure:
             effort = [math.nan if one.control_effort is None else one.control_effort for one in found]
             curves.append(Curve(scenario, [one.rmse for one in found], effort))
             chosen.append(getattr(Run(scenario).load().controller, sweep.setting.partition(".")[2]))
-        panels.append(Panel(sweep.label, sweep.values, sweep.logarithmic, chosen, curves))
+        panels.append(Panel(sweep.label, sweep.values, sweep.logarithmic, sweep.ticks, chosen, curves))
     return sweeps_figure(panels)

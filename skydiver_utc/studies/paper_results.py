@@ -12,14 +12,14 @@ QUICK_S = 5.0
 
 
 class PaperResults(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Measures of every flight by its command; `tuning` by scenario is kept in a file of its own."""
+    """Measures of every flight by its command; `tuning` is kept in a file of its own."""
 
     schema_version: int
     quick: bool
     measures: dict[str, Measures]
     push: HandPush
     push_printed: HandPush
-    tuning: dict[str, TuningSummary] = {}
+    tuning: list[TuningSummary] = []
 
     def of(self, one: Run) -> Measures:
         """Measures of a run."""

@@ -20,6 +20,7 @@ M0_NONE, M1_NONE = run(UNKNOWN, NO_COUPLING), run(PI, NO_COUPLING)
 M0_SHORT, M1_LONG = run(UNKNOWN, ("controller.horizon_steps", 5)), run(PI, ("controller.horizon_steps", 20))
 POSTURE_ALONE = run(UNKNOWN, IDLE_HANDS, ("plant.limits.Cm_damp_yaw", [0.499, 0.501]))
 HANDS_IDLE = (run(UNKNOWN, IDLE_HANDS), run(PI, IDLE_HANDS), run(PI_Q3, IDLE_HANDS))
+LAYOUTS = (run("front_layout"), run("back_layout"))
 PAPER_HANDS = run("fast_turn_paper_hands")
 
 # The paper's figures of a flight, by their LaTeX labels.
@@ -172,15 +173,19 @@ class Sweep(NamedTuple):
     label: str
     values: tuple[float, ...]
     logarithmic: bool
+    ticks: tuple[float, ...]  # none: as the figure likes
 
     def runs(self, scenario: str) -> list[Run]:
         """The scenario's flights, one for each value."""
         return [run(scenario, (self.setting, value)) for value in self.values]
 
 
-P_ERR = Sweep("controller.P_err", "$P_{err}$ [(rad/s)$^2$]", (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0), True)
-W0 = Sweep("controller.W0", "$W^0$ [1]", (-1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 0.9), False)
-HORIZON = Sweep("controller.horizon_steps", "prediction steps $N$", (2, 3, 5, 7, 10, 14, 20, 30, 40), True)
+P_ERR = Sweep(
+    "controller.P_err", "$P_{err}$ [(rad/s)$^2$]", (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0), True, ()
+)
+W0 = Sweep("controller.W0", "$W^0$ [1]", (-1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 0.9), False, ())
+_STEPS = (2, 3, 5, 7, 10, 14, 20, 30, 40)
+HORIZON = Sweep("controller.horizon_steps", "prediction steps $N$", _STEPS, True, (2, 5, 10, 20, 40))
 SWEEPS = (P_ERR, W0, HORIZON)
 SWEPT = (UNKNOWN, PI)
 
@@ -190,6 +195,7 @@ def all_runs() -> dict[str, Run]:
     runs = [
         *FIGURES.values(),
         *CONFIGURATIONS.values(),
+        *LAYOUTS,
         *(reading.flown for reading in READINGS if reading.flown is not None),
         *HANDS,
         *LIMBS.values(),

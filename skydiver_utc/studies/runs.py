@@ -58,6 +58,8 @@ class Measures(msgspec.Struct, frozen=True):
     peak_yaw_rate_deg_s: float | None
     control_effort: float | None
     min_dorsal_axis: float | None
+    angle_error_deg: float | None
+    facing: str
     hands_correlation: float | None
     status_steps: dict[str, int]
 
@@ -128,4 +130,6 @@ def _rounded(value: object) -> object:
 
 
 def _plain(value: object) -> str:
+    if isinstance(value, list):
+        return f"[{','.join(map(_plain, value))}]"
     return str(value).lower() if isinstance(value, bool) else str(value)

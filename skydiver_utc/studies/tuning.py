@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import msgspec
@@ -24,8 +24,8 @@ FACTORS = (
     "Qu_ratio",
     "P_err",
 )
-REACH = 10.0
 _DIGITS = 4  # of a factor, so that a row of the table flies again as it was flown
+_OWN = "own"
 
 
 class Tuning(NamedTuple):
@@ -35,10 +35,19 @@ class Tuning(NamedTuple):
     measures: Measures
 
 
-def draw(count: int, seed: int) -> NDArray[np.float64]:
-    """Factors (count, 9), log-uniform between 1 / REACH and REACH."""
+class Tunings(NamedTuple):
+    """A scenario with its own tuning and with random ones, each covariance times at most `reach` or its inverse."""
+
+    scenario: Scenario
+    reach: float
+    own: Measures
+    random: list[Tuning]
+
+
+def draw(count: int, seed: int, reach: float) -> NDArray[np.float64]:
+    """Factors (count, 9), log-uniform between 1 / reach and reach; a longer draw starts like a shorter one."""
     exponents = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(FACTORS)))
-    rounded = [[float(f"{REACH**e:.{_DIGITS}g}") for e in row] for row in exponents]
+    rounded = [[float(f"{reach**e:.{_DIGITS}g}") for e in row] for row in exponents]
     return np.array(rounded)
 
 
@@ -49,7 +58,7 @@ def check_tunable(scenario: Scenario) -> Scenario:
     return scenario
 
 
-def retuned(scenario: Scenario, factors: NDArray[np.float64]) -> Scenario:
+def retuned(scenario: Scenario, factors: Sequence[float]) -> Scenario:
     """The scenario with each covariance times its factor."""
     controller = scenario.controller
     changed = {
@@ -58,27 +67,26 @@ def retuned(scenario: Scenario, factors: NDArray[np.float64]) -> Scenario:
     return msgspec.structs.replace(scenario, controller=msgspec.structs.replace(controller, **changed))
 
 
-def tune(scenario: Scenario, count: int, seed: int, jobs: int, done: Done) -> list[Tuning]:
-    """Fly a scenario with `count` random tunings."""
-    factors = draw(count, seed)
-    flights = {str(i): retuned(scenario, row) for i, row in enumerate(factors)}
+def tune(scenario: Scenario, reach: float, count: int, seed: int, jobs: int, done: Done) -> Tunings:
+    """Fly a scenario as it is, and with `count` random tunings."""
+    factors = draw(count, seed, reach).tolist()
+    flights = {str(i): retuned(scenario, row) for i, row in enumerate(factors)} | {_OWN: scenario}
     kept = fly_all(flights, measure, jobs, done)
-    return [Tuning(tuple(factors[i].tolist()), kept[str(i)]) for i in range(count)]
+    return Tunings(
+        scenario, reach, kept[_OWN], [Tuning(tuple(row), kept[str(i)]) for i, row in enumerate(factors)]
+    )
 
 
 _COLUMNS = ("outcome", "rmse_deg_s", "max_abs_error_deg_s", "convergence_time_s", "control_effort")
 
 
-def to_csv(tunings: Mapping[str, Sequence[Tuning]]) -> str:
-    """One row per flight, by scenario."""
+def to_csv(tunings: Tunings) -> str:
+    """One row per random tuning."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["scenario", *FACTORS, *_COLUMNS, "kept_previous_steps"])
-    for scenario, rows in tunings.items():
-        for tuning in rows:
-            found = [getattr(tuning.measures, name) for name in _COLUMNS]
-            short = [f"{value:.4g}" if isinstance(value, float) else value for value in found]
-            writer.writerow(
-                [scenario, *tuning.factors, *short, tuning.measures.status_steps["kept_previous"]]
-            )
+    writer.writerow([*FACTORS, *_COLUMNS])
+    for tuning in tunings.random:
+        found = [getattr(tuning.measures, name) for name in _COLUMNS]
+        short = [f"{value:.4g}" if isinstance(value, float) else value for value in found]
+        writer.writerow([*tuning.factors, *short])
     return text.getvalue()

@@ -1,9 +1,8 @@
 """The tuning study in tables."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 
-from skydiver_utc.studies.markdown import figure, table
-from skydiver_utc.studies.tuning import FACTORS
+from skydiver_utc.studies.markdown import figure, percent, table
 from skydiver_utc.studies.tuning_summary import TuningSummary
 
 _COUNTS: dict[str, Callable[[TuningSummary], str]] = {
@@ -12,40 +11,46 @@ _COUNTS: dict[str, Callable[[TuningSummary], str]] = {
     "converged in the first half": lambda one: str(one.converged),
     "converged by 2 s": lambda one: str(one.converged_by_2_s),
     "RMSE at most 5 % of the amplitude": lambda one: str(one.tracked),
-    "RMSE: 5 %, half, 95 % stay below [deg/s]": lambda one: ", ".join(map(figure, one.rmse_quantiles)),
+    "RMSE that 5 %, 50 %, 95 % stay below": lambda one: ", ".join(map(figure, one.rmse_quantiles)),
+    "RMSE of the scenario's own tuning": lambda one: figure(one.own_rmse),
+    "tunings with a smaller RMSE": lambda one: str(one.better_than_own),
     "steps without an answer": lambda one: str(one.kept_previous_steps),
 }
 
 
-def count_rows(summaries: Mapping[str, TuningSummary]) -> list[tuple[str, ...]]:
-    """How many tunings did what, one column per scenario."""
-    return [(label, *(text(one) for one in summaries.values())) for label, text in _COUNTS.items()]
+def head(summaries: Sequence[TuningSummary]) -> list[str]:
+    """The columns of both tables."""
+    return ["", *(one.label for one in summaries)]
 
 
-def reason_rows(summaries: Mapping[str, TuningSummary]) -> list[tuple[str, ...]]:
-    """Rank correlation of each factor with the RMSE, and the share that converged by thirds of the factor."""
-    return [(factor, *(_reason(one, factor) for one in summaries.values())) for factor in FACTORS]
+def count_rows(summaries: Sequence[TuningSummary]) -> list[list[str]]:
+    """How many tunings did what."""
+    return [[label, *(text(one) for one in summaries)] for label, text in _COUNTS.items()]
 
 
-def _reason(one: TuningSummary, factor: str) -> str:
-    thirds = ", ".join(f"{share:.0%}" for share in one.converged_by_thirds[factor])
-    return f"{one.rank_correlation[factor]:+.2f}; {thirds}"
+def influence_rows(summaries: Sequence[TuningSummary]) -> list[list[str]]:
+    """Rank correlation of each factor with the RMSE, and the share that converged by quarters of the factor."""
+    return [[name, *(_influence(one, name) for one in summaries)] for name in summaries[0].influence]
 
 
-def tuning_section(summaries: Mapping[str, TuningSummary]) -> str:
+def _influence(one: TuningSummary, name: str) -> str:
+    found = one.influence[name]
+    return f"{found.rank_correlation:+.2f}; {', '.join(percent(share) for share in found.converged)}"
+
+
+def tuning_section(summaries: Sequence[TuningSummary]) -> str:
     """The study's part of the page."""
     if not summaries:
         return "## Random tunings\n\nNot flown: `skydiver-utc study tuning` into the same folder first.\n"
-    head = ("", *(f"`{name}`" for name in summaries))
     return f"""## Random tunings
 
-Each covariance times a factor between 0.1 and 10, log-uniform, all at once (`skydiver-utc study tuning`). Every
-flight is in [tuning.csv](tuning.csv), with its factors on the scenario's own values.
+Each covariance times a random factor, log-uniform within the bound named, all at once (`skydiver-utc study tuning`).
+Every flight is a row of a tuning_*.csv beside this page, with its factors on the scenario's own values.
 
-{table(head, count_rows(summaries))}
-Why: the rank correlation of each factor with the RMSE; then the share that converged in the lowest, middle and
-highest third of the factor.
+{table(head(summaries), count_rows(summaries))}
+Why: the rank correlation of each factor with the RMSE; then the share that converged in each quarter of the factor,
+low to high. Qu_14 is Qu_ratio times covariance_14, rho_14 the correlation of alpha and damping in Pu at the start.
 
-{table(head, reason_rows(summaries))}
+{table(head(summaries), influence_rows(summaries))}
 ![RMSE of the random tunings](tuning.png)
 """

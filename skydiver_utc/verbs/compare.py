@@ -40,9 +40,12 @@ def compare_paper(out: Path | None, quick: bool, jobs: int, as_json: bool, quiet
 def _show(results: PaperResults) -> None:
     console = Console()
     configurations = Table(title="Configurations", title_justify="left", title_style="bold")
-    for name in CONFIGURATION_HEAD:
+    head, *rows = (
+        (label, *measured) for label, _code, *measured in (CONFIGURATION_HEAD, *configuration_rows(results))
+    )
+    for name in head:
         configurations.add_column(name)
-    for row in configuration_rows(results):
+    for row in rows:
         configurations.add_row(*map(Text, row))
     claims = Table(title="The paper's claims", title_justify="left", title_style="bold", show_lines=True)
     for name in ("the paper says", "measured", ""):
