@@ -44,7 +44,7 @@ def tuning_section(summaries: Sequence[TuningSummary]) -> str:
         return "## Random tunings\n\nNot flown: `skydiver-utc study tuning` into the same folder first.\n"
     return f"""## Random tunings
 
-Each covariance times a random factor, log-uniform within the bound named, all at once (`skydiver-utc study tuning`).
+Each covariance times a random factor, log-uniform within the bound named (`skydiver-utc study tuning`).
 Every flight is a row of a tuning_*.csv beside this page, with its factors on the scenario's own values.
 
 {table(head(summaries), count_rows(summaries))}
