@@ -4,14 +4,15 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.analysis.style import (
     BLUE,
     GREEN,
-    GREY,
     ORANGE,
     PURPLE,
     VERMILLION,
@@ -55,7 +56,7 @@ def telemetry_figure(title: str, flights: Mapping[str, Flight]) -> Figure:
         rows[3, 0].set_ylim(_SMALLEST, 30.0)
         figure.text(0.01, 0.985, title, fontsize=12, fontweight="bold", va="top")
         _draw_legends(figure, rows[2, 0])
-        figure.subplots_adjust(left=0.095, right=0.985, bottom=0.115, top=0.875)
+        figure.subplots_adjust(left=0.125, right=0.985, bottom=0.115, top=0.875)
     return figure
 
 
@@ -81,20 +82,18 @@ def _draw_column(axes: NDArray[np.object_], label: str, flight: Flight) -> None:
 
 
 def _draw_status(axes: Axes, flight: Flight) -> None:
-    time = flight.time_s[:-1]
-    for number, colour in enumerate(_STATUS_COLOURS.values()):
-        axes.fill_between(
-            time, 0.0, 1.0, where=flight.status == number, step="post", color=colour, linewidth=0.0
-        )
-    axes.set_ylim(0.0, 1.0)
+    end = float(flight.time_s[-1])
+    axes.imshow(
+        flight.status[np.newaxis], aspect="auto", interpolation="nearest", extent=(0.0, end, 0.0, 1.0),
+        cmap=ListedColormap(list(_STATUS_COLOURS.values())), vmin=-0.5, vmax=len(_STATUS_COLOURS) - 0.5,
+    )  # fmt: skip
     axes.set_yticks([])
     axes.grid(visible=False)
-    axes.set_xlim(0.0, float(flight.time_s[-1]))
+    axes.set_xlim(0.0, end)
+    axes.set_xticks(np.arange(0.0, 0.99 * end, end // 4))
 
 
 def _draw_legends(figure: Figure, deviations: Axes) -> None:
-    from matplotlib.patches import Patch
-
     figure.legend(
         *deviations.get_legend_handles_labels(), loc="lower left", bbox_to_anchor=(0.0, 0.0), ncols=4,
         title="std of", title_fontsize=8.5, fontsize=8.5, alignment="left", columnspacing=1.0, handlelength=1.2,
@@ -104,7 +103,6 @@ def _draw_legends(figure: Figure, deviations: Axes) -> None:
         handles=patches, loc="lower right", bbox_to_anchor=(1.0, 0.0), ncols=4, title="status", title_fontsize=8.5,
         fontsize=8.5, alignment="left", columnspacing=1.0, handlelength=1.2,
     )  # fmt: skip
-    deviations.axhline(1.0, color=GREY, linewidth=0.8)
 
 
 def _named(flight: Flight, name: str) -> NDArray[np.float64]:

@@ -6,8 +6,6 @@ from skydiver_utc.simulation.flight import Flight
 from skydiver_utc.studies.paper_runs import PI, PRINTED_HANDS, UNKNOWN
 from skydiver_utc.studies.runs import Done, Run, fly_all, run, whole
 
-DURATION_S = 10.0
-
 
 class Step(NamedTuple):
     """One step of the recipe: the flights side by side, each under what its settings mean."""
@@ -89,7 +87,7 @@ STEPS = (
 def fly_guide(jobs: int, done: Done) -> dict[str, Flight]:
     """Every flight of the guide, once, by its command."""
     runs = {one.command: one for step in STEPS for one in step.flights.values()}
-    return fly_all({command: one.load(DURATION_S) for command, one in runs.items()}, whole, jobs, done)
+    return fly_all({command: one.load() for command, one in runs.items()}, whole, jobs, done)
 
 
 def flights_in_guide() -> int:

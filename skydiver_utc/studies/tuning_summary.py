@@ -48,7 +48,7 @@ class TuningSummary(msgspec.Struct, frozen=True):
     converged_by_2_s: int
     tracked: int
     kept_previous_steps: int
-    rmse_quantiles: tuple[float, float, float]
+    rmse_quantiles: tuple[float | None, float | None, float | None]
     own_rmse: float | None
     better_than_own: int
     influence: dict[str, Influence]
@@ -66,7 +66,9 @@ def summarise(tunings: Tunings) -> TuningSummary:
     converged_at = np.array([one.converged_at for one in found])
     converged = np.array([_has_converged(scenario, one) for one in found])
     bar = CONVERGED_SHARE * scenario.reference.amplitude_or_level_deg_s
-    low, middle, high = (float(f"{q:.4g}") for q in np.quantile(rmse, _QUANTILES))
+    # A value of the sample and not one between two, which does not exist beside a flight without an RMSE.
+    quantiles = np.quantile(rmse, _QUANTILES, method="inverted_cdf")
+    low, middle, high = (float(q) if np.isfinite(q) else None for q in quantiles)
     return TuningSummary(
         scenario=scenario.name,
         reach=tunings.reach,
