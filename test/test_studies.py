@@ -7,16 +7,23 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from click.testing import CliRunner
+from matplotlib.image import imread
 
+from skydiver_utc.analysis.telemetry_figure import telemetry_figure
+from skydiver_utc.cli import main
 from skydiver_utc.parameters import ParameterError, UtcParameters, load_scenario
+from skydiver_utc.simulation.closed_loop import simulate
+from skydiver_utc.simulation.flight import Flight
 from skydiver_utc.studies import paper_runs as flown
 from skydiver_utc.studies.checklist import checklist
 from skydiver_utc.studies.claim import Verdict, judge
 from skydiver_utc.studies.guide import STEPS
+from skydiver_utc.studies.hand_push import HandPush, hand_push
 from skydiver_utc.studies.markdown import figure
-from skydiver_utc.studies.paper_files import read_comparison, to_json
+from skydiver_utc.studies.paper_files import read_comparison, to_json, write_comparison
 from skydiver_utc.studies.paper_page import page
-from skydiver_utc.studies.paper_results import PaperResults
+from skydiver_utc.studies.paper_results import PaperResults, fly_comparison
 from skydiver_utc.studies.runs import Measures, fly_all, measure, run
 from skydiver_utc.studies.tuning import (
     FACTORS,
@@ -74,7 +81,10 @@ def verdict(results: PaperResults, words: str) -> Verdict:
 class TestRuns:
     def test_a_command_can_be_typed(self) -> None:
         """What a page prints is what the command line reads: the same scenario comes of both."""
-        for one in flown.all_runs().values():
+        kinds = {
+            (one.scenario, tuple(name for name, _ in one.settings)): one for one in flown.all_runs().values()
+        }
+        for one in kinds.values():
             scenario, *settings = one.command.split(" --set ")
             assert load_from_command_line(scenario, settings) == one.load(), one.command
 
@@ -262,3 +272,112 @@ def test_every_flight_of_the_tuning_guide_loads_and_is_shown_in_it() -> None:
         assert (PAPER.parent / "figures" / "tuning" / f"{step.name}.png").is_file()
         for one in step.flights.values():
             assert isinstance(one.load().controller, UtcParameters)
+
+
+def a_flight() -> Flight:
+    return simulate(load_scenario("fast_turn_pose_only", {"duration_s": 2.2}))
+
+
+class TestFiles:
+    def test_a_comparison_writes_what_its_page_shows(self, tmp_path: Path) -> None:
+        results = msgspec.structs.replace(results_with(), tuning=[])
+        write_comparison(tmp_path, results, {"ff6": a_flight()})
+        assert read_comparison(tmp_path) == results
+        assert (tmp_path / "paper.md").read_text(encoding="utf-8") == page(results)
+        assert imread(tmp_path / "ff6.png").shape[1] == 1200
+        assert imread(tmp_path / "sweeps.png").shape[1] == 1500
+
+    def test_a_study_found_beside_it_goes_into_the_page(self, tmp_path: Path) -> None:
+        (tmp_path / "tuning.json").write_bytes((PAPER / "tuning.json").read_bytes())
+        write_comparison(tmp_path, msgspec.structs.replace(results_with(), tuning=[]), {})
+        assert read_comparison(tmp_path) == results_with()
+        assert "tuning.png" in (tmp_path / "paper.md").read_text(encoding="utf-8")
+
+
+class TestVerbs:
+    def call(self, *arguments: str) -> str:
+        result = CliRunner().invoke(main, arguments, catch_exceptions=False)
+        assert result.exit_code == 0, result.output
+        return result.stdout
+
+    def test_a_short_tuning_study(self, tmp_path: Path) -> None:
+        short = (
+            "--count",
+            "6",
+            "--jobs",
+            "1",
+            "--set",
+            "duration_s=2.2",
+            "--set",
+            "controller.horizon_steps=2",
+        )
+        arguments = ("study", "tuning", "--scenario", "fast_turn_pi_dynamics", "--factor", "2", *short)
+        found = json.loads(self.call(*arguments, "--out", str(tmp_path / "new"), "--json"))
+        assert [(one["count"], one["completed"], one["reach"]) for one in found] == [(6, 6, 2.0)]
+        assert json.loads((tmp_path / "new" / "tuning.json").read_text(encoding="utf-8")) == found
+        assert imread(tmp_path / "new" / "tuning.png").shape[1] == 1500
+        rows = (tmp_path / "new" / flights_file("fast_turn_pi_dynamics", 2.0)).read_text(encoding="utf-8")
+        assert len(rows.splitlines()) == 7
+        assert "RMSE of the scenario's own tuning" in self.call(*arguments)
+
+    def test_compare_shows_and_writes_the_same(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        results = msgspec.structs.replace(results_with(), tuning=[])
+        asked = []
+
+        def no_flight(quick: bool, jobs: int, _done: object) -> tuple[PaperResults, dict[str, Flight]]:
+            asked.append((quick, jobs))
+            return results, {}
+
+        monkeypatch.setattr("skydiver_utc.verbs.compare.fly_comparison", no_flight)
+        shown = json.loads(self.call("compare", "paper", "--quick", "--jobs", "3", "--json"))
+        assert asked == [(True, 3)]
+        assert len(shown["claims"]) == len(checklist(results))
+        assert shown["measures"] == json.loads(to_json(results))["measures"]
+        text = self.call("compare", "paper", "--out", str(tmp_path))
+        assert "does not hold" in text
+        assert (tmp_path / "results.json").is_file()
+
+    def test_a_file_is_no_folder(self, tmp_path: Path) -> None:
+        (tmp_path / "a").write_text("", encoding="utf-8")
+        result = CliRunner().invoke(main, ["compare", "paper", "--out", str(tmp_path / "a")])
+        assert result.exit_code == 2
+        assert "is a file: give a folder" in result.output
+
+
+def test_the_quick_comparison_flies_everything_but_shortly(monkeypatch: pytest.MonkeyPatch) -> None:
+    few = {one.command: one for one in (*flown.FIGURES.values(), flown.M0_SHORT)}
+    monkeypatch.setattr("skydiver_utc.studies.paper_results.all_runs", lambda: few)
+    monkeypatch.setattr("skydiver_utc.studies.paper_results.QUICK_S", 2.1)
+    seen: list[int] = []
+    results, flights = fly_comparison(quick=True, jobs=1, done=seen.append)
+    assert seen == [1, 2, 3, 4, 5]
+    assert list(results.measures) == list(few)
+    assert list(flights) == list(flown.FIGURES)
+    assert {len(flight.states) for flight in flights.values()} == {501}
+    assert results.of(flown.M1_C2) == measure(flights["utc_m1_c2"])
+    assert results.quick
+
+
+def test_a_hand_without_force_does_nothing_and_a_strong_one_more() -> None:
+    """eq_force2 is linear in K_N; a small bank is nearly so."""
+    idle, weak, strong = (
+        hand_push(run(flown.UNKNOWN, ("plant.hands.K_N", force))) for force in (0.0, 5.0, 10.0)
+    )
+    assert idle == HandPush(0.0, 0.0)
+    assert strong.bank_right_deg == pytest.approx(2.0 * weak.bank_right_deg, rel=0.05)
+    assert strong.bank_right_deg > 0.0
+
+
+def test_the_telemetry_figure_shows_each_flight() -> None:
+    flights = {
+        label: simulate(
+            load_scenario("fast_turn_pi_dynamics", {"duration_s": 2.2, "controller.P_err": value})
+        )
+        for label, value in (("small", 1e-4), ("large", 1.0))
+    }
+    figure = telemetry_figure("Two flights", flights)
+    assert [axes.get_title().splitlines()[0] for axes in figure.axes[:2]] == ["small", "large"]
+    innovation = flights["large"].telemetry_names.index("innovation")
+    drawn = np.asarray(figure.axes[3].lines[0].get_ydata())
+    np.testing.assert_array_equal(drawn, np.rad2deg(flights["large"].telemetry[:, innovation]))
+    np.testing.assert_array_equal(figure.axes[8].images[0].get_array()[0], flights["small"].status)

@@ -2,7 +2,9 @@
 
 import math
 import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import NamedTuple, TypeVar
@@ -98,7 +100,7 @@ def fly_all(
             done(count)
         return kept
     # Spawned, because a fork would copy the thread that draws the progress bar in an unknown state.
-    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _leave_interrupts_to_the_parent)
+    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _follow_the_parent)
     try:
         names = {pool.submit(_fly, scenario, keep): name for name, scenario in scenarios.items()}
         for count, future in enumerate(as_completed(names), 1):
@@ -113,8 +115,17 @@ def _fly(scenario: Scenario, keep: Callable[[Flight], Kept]) -> Kept:
     return keep(simulate(scenario))
 
 
-def _leave_interrupts_to_the_parent() -> None:
+def _follow_the_parent() -> None:
+    """Leave interrupts to the parent, and end with it, however it ends: an idle worker would wait for ever."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+
+
+def _end_with_the_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+    os._exit(1)
 
 
 def _hands_correlation(flight: Flight) -> float | None:
