@@ -74,12 +74,13 @@ def no_convergence_problems(results: PaperResults) -> Claim:
     steps = sum(sum(one.status_steps.values()) for one in flights.values())
     repaired = sum(one.status_steps["repaired"] for one in flights.values())
     kept = {command: one.status_steps["kept_previous"] for command, one in flights.items()}
-    stuck = [f"`{command}` ({count})" for command, count in kept.items() if count]
+    stuck = [f"`{command}`" for command, count in kept.items() if count]
+    where = f", all in {', '.join(stuck)}" if stuck else ""
     return Claim(
         "There are no convergence problems that optimization engines have to deal with",
-        "no step without an answer (status kept_previous) in the configurations, nor in any other flight of UTC here",
-        f"{sum(kept.values())} of {steps} steps in {len(flights)} flights{': ' if stuck else ''}{', '.join(stuck)}; Pu"
-        f" needed repair before its root in {percent(repaired / steps)} of the steps",
+        "no step without an answer (kept_previous) in the configurations, nor in any other flight of UTC here",
+        f"{sum(kept.values())} of {steps} steps in {len(flights)} flights{where}; Pu needed repair before its root in"
+        f" {percent(repaired / steps)} of the steps",
         judge([not any(kept[one] for one in usual & kept.keys()), not stuck]),
     )
 
