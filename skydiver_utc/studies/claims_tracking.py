@@ -79,8 +79,8 @@ def no_convergence_problems(results: PaperResults) -> Claim:
     return Claim(
         "There are no convergence problems that optimization engines have to deal with",
         "no step without an answer (kept_previous) in the configurations, nor in any other flight of UTC here",
-        f"{sum(kept.values())} of {steps} steps in {len(flights)} flights{where}; Pu needed repair before its root in"
-        f" {percent(repaired / steps)} of the steps",
+        f"{sum(kept.values())} of {steps} steps in {len(flights)} flights{where}; Pu needed repair before its root"
+        f" in {percent(repaired / steps)} of the steps",
         judge([not any(kept[one] for one in usual & kept.keys()), not stuck]),
     )
 
