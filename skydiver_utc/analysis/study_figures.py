@@ -127,5 +127,6 @@ def _draw_correlations(axes: Axes, clouds: Sequence[Cloud]) -> None:
     axes.set_yticks(places, names)
     axes.invert_yaxis()
     axes.set_xlim(-1.0, 1.0)
+    axes.set_xticks((-1.0, -0.5, 0.0, 0.5, 1.0))
     axes.set_xlabel("rank correlation of the factor with the RMSE")
     axes.grid(visible=False, axis="y")

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.metrics import metrics
@@ -90,7 +91,7 @@ def _draw_status(axes: Axes, flight: Flight) -> None:
     axes.set_yticks([])
     axes.grid(visible=False)
     axes.set_xlim(0.0, end)
-    axes.set_xticks(np.arange(0.0, 0.99 * end, end // 4))
+    axes.xaxis.set_major_locator(MaxNLocator(4, prune="upper"))
 
 
 def _draw_legends(figure: Figure, deviations: Axes) -> None:

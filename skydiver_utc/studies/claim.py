@@ -7,7 +7,7 @@ from typing import NamedTuple
 from skydiver_utc.studies.markdown import figure
 from skydiver_utc.studies.paper_results import PaperResults
 from skydiver_utc.studies.paper_runs import M0_C2, M1_C2, M1_C3
-from skydiver_utc.studies.runs import Measures, Run
+from skydiver_utc.studies.runs import Measures, Run, shipped
 
 CLEARLY = 1.5  # times worse, to count as clearly worse
 PAPER_UTC = (M0_C2, M1_C2, M1_C3)
@@ -40,7 +40,7 @@ def judge(parts: Sequence[bool]) -> Verdict:
 
 def amplitude(one: Run) -> float:
     """Largest yaw rate wanted [deg/s]."""
-    return one.load().reference.amplitude_or_level_deg_s
+    return shipped(one.scenario).reference.amplitude_or_level_deg_s
 
 
 def rmse_of(results: PaperResults, runs: Sequence[Run]) -> list[float]:

@@ -1,10 +1,11 @@
 """Claims about UTC as it is configured in the paper."""
 
-from skydiver_utc.parameters import UtcParameters, load_scenario
+from skydiver_utc.parameters import UtcParameters
 from skydiver_utc.studies import paper_runs as flown
 from skydiver_utc.studies.claim import CLEARLY, PAPER_UTC, Claim, Verdict, judge, listed, rmse_of
 from skydiver_utc.studies.markdown import figure, percent
 from skydiver_utc.studies.paper_results import PaperResults
+from skydiver_utc.studies.runs import shipped
 
 _BARS = (4.0, 6.0, 4.0)  # RMSE [deg/s] of PAPER_UTC
 _LAYOUT_DEG = 10.0
@@ -68,7 +69,7 @@ def no_convergence_problems(results: PaperResults) -> Claim:
     utc = {
         name
         for name in {one.scenario for one in runs.values()}
-        if isinstance(load_scenario(name).controller, UtcParameters)
+        if isinstance(shipped(name).controller, UtcParameters)
     }
     flights = {command: one for command, one in results.measures.items() if runs[command].scenario in utc}
     steps = sum(sum(one.status_steps.values()) for one in flights.values())

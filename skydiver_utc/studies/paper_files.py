@@ -14,7 +14,7 @@ from skydiver_utc.simulation.flight import Flight
 from skydiver_utc.studies import paper_runs as flown
 from skydiver_utc.studies.paper_page import page
 from skydiver_utc.studies.paper_results import PaperResults
-from skydiver_utc.studies.runs import Run
+from skydiver_utc.studies.runs import shipped
 from skydiver_utc.studies.tuning_files import read_summaries
 
 _RESULTS, _PAGE = "results.json", "paper.md"
@@ -48,6 +48,6 @@ def _sweeps(results: PaperResults) -> Figure:
             found = [results.of(one) for one in sweep.runs(scenario)]
             effort = [math.nan if one.control_effort is None else one.control_effort for one in found]
             curves.append(Curve(scenario, [one.rmse for one in found], effort))
-            chosen.append(getattr(Run(scenario).load().controller, sweep.setting.partition(".")[2]))
+            chosen.append(getattr(shipped(scenario).controller, sweep.setting.partition(".")[2]))
         panels.append(Panel(sweep.label, sweep.values, sweep.logarithmic, sweep.ticks, chosen, curves))
     return sweeps_figure(panels)

@@ -1,11 +1,10 @@
 """The comparison with the paper as a page in Markdown: nothing but what the results hold."""
 
-from skydiver_utc.parameters import load_scenario
 from skydiver_utc.studies import paper_runs as flown
 from skydiver_utc.studies.checklist import checklist
 from skydiver_utc.studies.markdown import figure, table
 from skydiver_utc.studies.paper_results import QUICK_S, PaperResults
-from skydiver_utc.studies.runs import Measures, Run
+from skydiver_utc.studies.runs import Measures, Run, shipped
 from skydiver_utc.studies.tuning_page import tuning_section
 
 CONFIGURATION_HEAD = ("configuration", "code", "RMSE", "largest", "converged", "peak", "effort")
@@ -87,7 +86,7 @@ def _converged(one: Run, found: Measures) -> str:
     """The convergence time in words."""
     if found.convergence_time_s is None:
         return "never"
-    late = found.convergence_time_s > 0.5 * load_scenario(one.scenario).duration_s
+    late = found.convergence_time_s > 0.5 * shipped(one.scenario).duration_s
     return f"{found.convergence_time_s:.1f} s" + (" (late)" if late else "")
 
 

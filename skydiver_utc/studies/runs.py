@@ -7,6 +7,7 @@ import signal
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import cache
 from typing import NamedTuple, TypeVar
 
 import msgspec
@@ -40,6 +41,12 @@ class Run(NamedTuple):
         """The resolved scenario; a duration replaces its own."""
         shortened = {} if duration_s is None else {"duration_s": duration_s}
         return load_scenario(self.scenario, dict(self.settings) | shortened)
+
+
+@cache
+def shipped(scenario: str) -> Scenario:
+    """A scenario as it comes with the package, read once."""
+    return load_scenario(scenario)
 
 
 def run(scenario: str, *settings: tuple[str, object]) -> Run:
