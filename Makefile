@@ -10,13 +10,15 @@ STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help install demo test lint bench bench-tools clean
+.PHONY: help install demo test lint bench bench-tools study paper clean
 
 help:
 	@echo "make demo      fly SCENARIO ($(SCENARIO)) over ROS and record it below bags/"
 	@echo "make test      all tests; ARGS=... goes to pytest"
 	@echo "make lint      ruff and mypy"
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
+	@echo "make study     fly 500 random tunings again, into docs/paper; some twenty minutes"
+	@echo "make paper     make all of docs/paper and docs/figures/tuning again, study included"
 	@echo "make install   only install into $(VENV)"
 	@echo "make clean     remove what builds and tests left behind; keeps $(VENV) and bags/"
 
@@ -39,6 +41,13 @@ bench: $(STAMP)
 bench-tools: $(STAMP)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation '.[bench]'
 	$(VENV)/bin/python benchmarks/run.py $(ARGS)
+
+study: $(STAMP)
+	$(VENV)/bin/skydiver-utc study tuning --count 500 --seed 1 --out docs/paper
+
+paper: study
+	$(VENV)/bin/skydiver-utc compare paper --out docs/paper
+	$(VENV)/bin/skydiver-utc study guide --out docs/figures/tuning
 
 clean:
 	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

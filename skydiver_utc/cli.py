@@ -332,6 +332,103 @@ def stability(
     tell(scenario, plant, settings, alpha, steps, as_json)
 
 
+_jobs = click.option(
+    "--jobs",
+    default=2,
+    show_default=True,
+    type=click.IntRange(1),
+    help="Processes that fly at the same time.",
+)
+_out_folder = click.option(
+    "--out", metavar="FOLDER", help="Write files into this folder, made if it is not there."
+)
+
+
+@main.group()
+def compare() -> None:
+    """Put this package beside others' results."""
+
+
+@compare.command(short_help="Fly all that the paper shows and claims.")
+@_out_folder
+@click.option("--quick", is_flag=True, help="Only the first seconds of each flight: does it all work?")
+@_jobs
+@_json
+@_quiet
+def paper(out: str | None, quick: bool, jobs: int, as_json: bool, quiet: bool) -> None:
+    """Fly every configuration of the paper: a table, its figures, and a checklist of its claims.
+
+    FOLDER receives paper.md, results.json and the figures. A tuning study found there goes into the page.
+    """
+    from skydiver_utc.verbs.compare import compare_paper
+
+    compare_paper(Path(out) if out else None, quick, jobs, as_json, quiet)
+
+
+@main.group()
+def study() -> None:
+    """Answer one question with many flights."""
+
+
+@study.command(short_help="Fly with random covariances.")
+@click.option(
+    "--scenario",
+    "names",
+    multiple=True,
+    default=("fast_turn_unknown_dynamics", "fast_turn_pi_dynamics"),
+    show_default=True,
+    metavar="SCENARIO",
+    help="What is tuned. Repeatable.",
+)
+@_settings
+@click.option(
+    "--factor",
+    "reaches",
+    multiple=True,
+    default=(10.0, 3.0),
+    show_default=True,
+    type=click.FloatRange(1.0, 100.0, min_open=True),
+    help="Largest factor on a covariance, and the inverse of the smallest. Repeatable.",
+)
+@click.option("--count", default=500, show_default=True, type=click.IntRange(2), help="Tunings per scenario.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of the tunings.")
+@_out_folder
+@_jobs
+@_json
+@_quiet
+def tuning(
+    names: tuple[str, ...],
+    settings: tuple[str, ...],
+    reaches: tuple[float, ...],
+    count: int,
+    seed: int,
+    out: str | None,
+    jobs: int,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Fly SCENARIO with random tunings: each covariance times a factor of its own, log-uniform.
+
+    FOLDER receives tuning.json, tuning.png and a table of every flight.
+    """
+    from skydiver_utc.verbs.study import study_tuning
+
+    study_tuning(names, settings, reaches, count, seed, Path(out) if out else None, jobs, as_json, quiet)
+
+
+@study.command(short_help="Draw the figures of the tuning guide.")
+@click.option(
+    "--out", required=True, metavar="FOLDER", help="Write the figures here; made if it is not there."
+)
+@_jobs
+@_quiet
+def guide(out: str, jobs: int, quiet: bool) -> None:
+    """Fly the right and the wrong settings of each step of docs/tuning.md, and draw their telemetry."""
+    from skydiver_utc.verbs.study import study_guide
+
+    study_guide(Path(out), jobs, quiet)
+
+
 @main.command()
 @_json
 def scenarios(as_json: bool) -> None:

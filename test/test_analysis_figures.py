@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from test_analysis_metrics import flight_of, scenario_of
 
-from skydiver_utc.analysis.figures import png, tracking_figure
+from skydiver_utc.analysis.figures import tracking_figure
+from skydiver_utc.analysis.style import png
 from skydiver_utc.simulation.flight import Flight
 from skydiver_utc.simulation.outcome import Outcome
 

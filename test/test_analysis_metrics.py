@@ -26,6 +26,7 @@ KEYS = [
     "angle_error_deg",
     "overshoot_deg",
     "control_effort",
+    "status_steps",
     "solve_time_us",
     "wall_time_s",
     "simulated_time_s",
@@ -110,6 +111,7 @@ def flight_of(
         "telemetry": np.zeros((steps, 0)),
         "telemetry_names": (),
         "solve_time_s": np.full(steps, 20e-6),
+        "status": np.zeros(steps),
         "outcome": Outcome.COMPLETED,
         "reason": "80 steps flown",
         "wall_time_s": 0.5,
@@ -129,6 +131,11 @@ def test_perfect_tracking() -> None:
     assert result["control_effort"] == 0.0
     assert result["min_dorsal_axis"] == 1.0
     assert (result["wall_time_s"], result["simulated_time_s"]) == (0.5, 4.0)
+
+
+def test_statuses_are_counted_by_name() -> None:
+    result = metrics(flight_of(status=np.repeat([0.0, 2.0, 3.0, np.nan], [50, 20, 3, 7])))
+    assert result["status_steps"] == {"solved": 50, "saturated": 0, "repaired": 20, "kept_previous": 3}
 
 
 def test_errors_count_from_two_seconds_on() -> None:

@@ -41,6 +41,7 @@ def flight_with_everything(steps: int = 80, **fields: Any) -> Flight:
         telemetry=random.normal(size=(steps, 2)),
         telemetry_names=("innovation", "clipped"),
         solve_time_s=random.uniform(1e-5, 2e-5, steps),
+        status=random.integers(0, 4, steps).astype(float),
         **fields,
     )
     flight.states[:] = random.normal(size=flight.states.shape)
@@ -114,7 +115,7 @@ def messages_of(flight: Flight) -> list[Message]:
             ("reference/setpoint", "geometry_msgs/msg/TwistStamped", k, setpoint(k, flight.reference[k]))
         )
     for k in range(len(flight.commands)):
-        values = [*flight.telemetry[k], flight.solve_time_s[k], 0.0]
+        values = [*flight.telemetry[k], flight.solve_time_s[k], flight.status[k]]
         found.append(("command", joints, k, joint_state(k, CONTROLS, flight.commands[k])))
         found.append(("applied_command", joints, k, joint_state(k, CONTROLS, flight.applied[k])))
         found.append(("controller/telemetry", joints, k, joint_state(k, names, values)))
@@ -143,7 +144,7 @@ def without(topic: str, *steps: int) -> Edit:
 def test_a_flight_comes_back_bit_for_bit(tmp_path: Path) -> None:
     flight = flight_with_everything()
     back = read_flight(write_bag(tmp_path / "bag", flight))
-    for name in ("states", "commands", "applied", "reference", "telemetry", "solve_time_s"):
+    for name in ("states", "commands", "applied", "reference", "telemetry", "solve_time_s", "status"):
         assert np.array_equal(getattr(back, name), getattr(flight, name)), name
     for name in ("scenario", "telemetry_names", "outcome", "reason", "wall_time_s"):
         assert getattr(back, name) == getattr(flight, name), name

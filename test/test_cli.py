@@ -46,9 +46,11 @@ def with_setting(setting: str) -> str:
 
 
 PATTERN = [["pattern", verb] for verb in ("neutral", "design", "show", "extract", "import")]
+STUDIES = [["compare", "paper"], ["study", "tuning"], ["study", "guide"]]
+FLIGHTS = [["run"], ["simulate"], ["analyse"], ["scenarios"], ["trim"]]
 
 
-@pytest.mark.parametrize("verb", [[], ["run"], ["simulate"], ["analyse"], ["scenarios"], ["trim"], *PATTERN])
+@pytest.mark.parametrize("verb", [[], *FLIGHTS, *PATTERN, *STUDIES])
 def test_every_verb_has_help(verb: list[str]) -> None:
     result = call(*verb, "--help")
     assert result.exit_code == 0

@@ -3,13 +3,10 @@
 import textwrap
 from collections.abc import Callable
 from functools import partial
-from io import BytesIO
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -21,13 +18,22 @@ from skydiver_utc.analysis.metrics import (
     metrics,
     tracking_error_deg_s,
 )
+from skydiver_utc.analysis.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PALE,
+    PLATE,
+    PURPLE,
+    VERMILLION,
+    empty_figure,
+    house_style,
+    short,
+)
 from skydiver_utc.parameters import ConstantReference, RotationReference, SineReference
 from skydiver_utc.simulation.flight import Flight
 from skydiver_utc.simulation.outcome import Outcome
-
-# Okabe and Ito's palette: told apart with every common colour vision.
-BLUE, ORANGE, VERMILLION, GREEN, PURPLE = "#0072B2", "#E69F00", "#D55E00", "#009E73", "#AA4499"
-INK, GREY, PALE = "#222222", "#777777", "#EDEDED"
 
 _CONTROLS = (
     ("yaw damping\n$C_{m,damp}$ [1]", GREEN),
@@ -38,27 +44,6 @@ _CONTROLS = (
 # Label of the body rate that is drawn, by what the reference is for.
 _PITCH_RATE = "pitch rate [deg/s]\nhead down positive"
 _RATES = {"yaw_rate": "yaw rate [deg/s]\nleft turn positive", "pitch_rate": _PITCH_RATE, "alpha": _PITCH_RATE}
-_STYLE: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": 9.5,
-    "axes.labelsize": 9.5,
-    "axes.edgecolor": GREY,
-    "axes.labelcolor": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.axisbelow": True,
-    "axes.grid": True,
-    "grid.color": "#DDDDDD",
-    "grid.linewidth": 0.6,
-    "text.color": INK,
-    "xtick.color": GREY,
-    "ytick.color": GREY,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "lines.solid_capstyle": "round",
-    "legend.frameon": False,
-    "legend.fontsize": 9.0,
-}
 
 
 def tracking_figure(flight: Flight) -> Figure:
@@ -66,11 +51,8 @@ def tracking_figure(flight: Flight) -> Figure:
 
     8 by 10.4 inches; `png` makes it 1200 pixels wide.
     """
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_STYLE)
-        figure = Figure(figsize=(8.0, 10.4))
-        FigureCanvasAgg(figure)
+    with house_style():
+        figure = empty_figure(8.0, 10.4)
         values = metrics(flight)
         panels: list[tuple[float, Callable[[Axes], None]]] = [(3.2, lambda axes: _draw_rate(axes, flight))]
         error = tracking_error_deg_s(flight)
@@ -95,15 +77,6 @@ def tracking_figure(flight: Flight) -> Figure:
             axes.yaxis.set_label_coords(-0.085, 0.5)
         figure.subplots_adjust(left=0.13, right=0.975, bottom=0.05, top=0.905)
     return figure
-
-
-def png(figure: Figure) -> bytes:
-    """A PNG 1200 pixels wide whose bytes depend on the flight and matplotlib's version only."""
-    buffer = BytesIO()
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None})
-    return buffer.getvalue()
 
 
 def _draw_title(figure: Figure, flight: Flight, values: dict[str, Any]) -> None:
@@ -148,7 +121,7 @@ def _draw_angle(axes: Axes, flight: Flight) -> None:
         axes.axhline(wanted, color=ORANGE, linewidth=4.5, alpha=0.75)
         axes.text(
             0.995, 0.5, f"ends {turned[-1] - wanted:+.1f} deg from the {wanted:g} deg asked for",
-            transform=axes.transAxes, ha="right", va="center", fontsize=8.0, color=GREY, bbox=_PLATE, zorder=5,
+            transform=axes.transAxes, ha="right", va="center", fontsize=8.0, color=GREY, bbox=PLATE, zorder=5,
         )  # fmt: skip
     axes.plot(flight.time_s, turned, color=BLUE, linewidth=1.3)
     axes.set_ylabel(f"{'heading' if reference.signal == 'yaw_rate' else 'pitch'}\nturned [deg]")
@@ -177,7 +150,7 @@ def _draw_error(
     if _largest(error) > reach:
         axes.text(
             0.995, 0.95, f"off the scale: up to {short(_largest(error))} deg/s", transform=axes.transAxes,
-            ha="right", va="top", fontsize=8.0, color=GREY, bbox=_PLATE, zorder=5,
+            ha="right", va="top", fontsize=8.0, color=GREY, bbox=PLATE, zorder=5,
         )  # fmt: skip
 
 
@@ -209,14 +182,6 @@ def _room(flight: Flight) -> float:
     return 2.5 * max(_largest(np.rad2deg(flight.reference)), 40.0)
 
 
-def short(value: float) -> str:
-    """Three digits or so of a value that is not negative."""
-    return f"{value:.2f}" if value < 10.0 else f"{value:.1f}" if value < 100.0 else f"{value:.0f}"
-
-
 def _largest(values: NDArray[np.float64]) -> float:
     finite = values[np.isfinite(values)]
     return float(np.max(np.abs(finite))) if len(finite) else 0.0
-
-
-_PLATE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 1.5}

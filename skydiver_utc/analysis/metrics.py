@@ -44,6 +44,8 @@ def metrics(flight: Flight) -> dict[str, Any]:
     facing, facing_since_s
         which side faces the earth at the end of a flight, and since when the dorsal axis has stayed within 45
         deg of the vertical for that; facing is "neither" where it is not.
+    status_steps
+        steps with each status of the controller: solved, saturated, repaired, kept_previous.
     min_dorsal_axis
         lowest height of the dorsal axis: 1 belly to earth, 0 on the side, -1 on the back.
     """
@@ -68,6 +70,7 @@ def metrics(flight: Flight) -> dict[str, Any]:
         "peak_yaw_rate_deg_s": _finite(_largest(yaw_rate[settled])),
         **_of_rotation(error, turned, scenario),
         "control_effort": _finite(control_effort(flight.applied, scenario)),
+        "status_steps": flight.status_steps,
         "solve_time_us": solve_time_us(flight.solve_time_s),
         "wall_time_s": _finite(flight.wall_time_s),
         "simulated_time_s": steps * scenario.dt_ns / 1e9,

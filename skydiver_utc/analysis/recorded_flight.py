@@ -69,7 +69,7 @@ class _RecordedFlight:
         self._refuse_gaps("reference", reference, steps + 1)
         self._refuse_gaps("command", commands, steps)
         self._refuse_gaps("applied_command", applied, steps)
-        names, telemetry, solve_time_s = self._telemetry(steps)
+        names, telemetry, solve_time_s, status = self._telemetry(steps)
         return Flight(
             scenario=self._scenario,
             states=states.values[: steps + 1],
@@ -79,6 +79,7 @@ class _RecordedFlight:
             telemetry=telemetry,
             telemetry_names=names,
             solve_time_s=solve_time_s,
+            status=status,
             outcome=outcome,
             reason=reason
             or f"the recording has no outcome, it ends after {steps} of {self._scenario.steps} steps",
@@ -166,18 +167,20 @@ class _RecordedFlight:
                     rows.present[k] = True
         return rows
 
-    def _telemetry(self, steps: int) -> tuple[tuple[str, ...], Floats, Floats]:
-        """Names, values (steps, n) and solve times [s] (steps,)."""
+    def _telemetry(self, steps: int) -> tuple[tuple[str, ...], Floats, Floats, Floats]:
+        """Names, values (steps, n), solve times [s] (steps,) and statuses (steps,)."""
         messages = self._messages("controller/telemetry")
+        unknown = np.full(steps, np.nan)
         if not messages:
-            return (), np.empty((steps, 0)), np.full(steps, np.nan)
+            return (), np.empty((steps, 0)), unknown, unknown
         names = list(messages[0].name)
         rows = self._rows("controller/telemetry", len(names), lambda message: message.position)
         own = [j for j, name in enumerate(names) if name not in (_SOLVE_TIME, _STATUS)]
-        solve_time_s = np.full(steps, np.nan)
-        if _SOLVE_TIME in names:
-            solve_time_s = rows.values[:steps, names.index(_SOLVE_TIME)]
-        return tuple(names[j] for j in own), rows.values[:steps, own], solve_time_s
+        solve_time_s, status = (
+            rows.values[:steps, names.index(name)] if name in names else unknown
+            for name in (_SOLVE_TIME, _STATUS)
+        )
+        return tuple(names[j] for j in own), rows.values[:steps, own], solve_time_s, status
 
     def _refuse_gaps(self, name: str, rows: _Rows, count: int) -> None:
         missing = np.flatnonzero(~rows.present[:count])

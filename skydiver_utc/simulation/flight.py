@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.control.protocol import Status
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plant.skydiver import RATE_AT
 from skydiver_utc.simulation.outcome import Outcome
@@ -17,7 +18,8 @@ class Flight:
     states (K+1, 13) position world [m], quaternion xyzw body to world, velocity body [m/s], rates body [rad/s]
     commands (K, 4) asked for by the controller; applied (K, 4) after the plant's own limits
     reference (K+1,) what the scenario's reference is for: a body rate [rad/s] or the pattern angle [rad]
-    telemetry (K, n) by `telemetry_names`; solve_time_s (K,) of one controller call
+    telemetry (K, n) by `telemetry_names`; of each controller call solve_time_s (K,) and status (K,), the number of
+    a `Status`; NaN where a recording does not tell
     """
 
     scenario: Scenario
@@ -28,6 +30,7 @@ class Flight:
     telemetry: NDArray[np.float64]
     telemetry_names: tuple[str, ...]
     solve_time_s: NDArray[np.float64]
+    status: NDArray[np.float64]
     outcome: Outcome
     reason: str
     wall_time_s: float
@@ -53,3 +56,8 @@ class Flight:
         """The body rate that the reference is for [rad/s], shape (K+1,); None where it is for the pattern angle."""
         row = RATE_AT.get(self.scenario.reference.signal)
         return None if row is None else self.states[:, row]
+
+    @property
+    def status_steps(self) -> dict[str, int]:
+        """Steps with each status, by its name in lower case."""
+        return {status.name.lower(): int(np.sum(self.status == status)) for status in Status}

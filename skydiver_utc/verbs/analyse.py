@@ -3,10 +3,11 @@
 import json
 from pathlib import Path
 
-from skydiver_utc.analysis.figures import png, tracking_figure
+from skydiver_utc.analysis.figures import tracking_figure
 from skydiver_utc.analysis.metrics import metrics, to_json
 from skydiver_utc.analysis.recorded_flight import read_flight
 from skydiver_utc.analysis.report import report_html
+from skydiver_utc.analysis.style import png
 from skydiver_utc.simulation.flight import Flight
 from skydiver_utc.verbs.errors import VerbError
 from skydiver_utc.verbs.screen import show_metrics

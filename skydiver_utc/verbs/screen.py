@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -52,3 +52,16 @@ def show_metrics(values: dict[str, Any], title: str) -> None:
     console = Console()
     console.print(table)
     console.print(Text(values["reason"]), soft_wrap=True)
+
+
+@contextmanager
+def count_progress(description: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
+    """A bar that is told how many of `total` are done; none when quiet or when stderr is no terminal."""
+    console = Console(stderr=True)
+    if quiet or not console.is_terminal:
+        yield lambda _done: None
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(description, total=total)
+        yield lambda done: bar.update(task, completed=done)

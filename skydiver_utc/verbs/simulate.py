@@ -47,6 +47,7 @@ def check_figure_path(path: Path) -> None:
 
 def draw(flight: Flight, path: Path) -> None:
     """Write the figure of a flight; matplotlib is loaded only here."""
-    from skydiver_utc.analysis.figures import png, tracking_figure
+    from skydiver_utc.analysis.figures import tracking_figure
+    from skydiver_utc.analysis.style import png
 
     path.write_bytes(png(tracking_figure(flight)))

@@ -1,0 +1,132 @@
+"""Pictures of many flights: sweeps of one parameter, and random tunings."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from skydiver_utc.analysis.style import BLUE, GREY, ORANGE, VERMILLION, empty_figure, house_style
+
+_COLOURS = (BLUE, ORANGE)
+_LINES: tuple[Any, ...] = ("-", (0, (4, 1.5)))
+_MARKERS = ("o", "s")
+
+
+class Curve(NamedTuple):
+    """What one scenario gave: RMSE [deg/s] and control effort for each value swept; NaN where there is none."""
+
+    label: str
+    rmse: Sequence[float]
+    effort: Sequence[float]
+
+
+class Panel(NamedTuple):
+    """One parameter swept, with a mark at the values that the scenarios use."""
+
+    label: str
+    values: Sequence[float]
+    logarithmic: bool
+    ticks: Sequence[float]
+    chosen: Sequence[float]
+    curves: Sequence[Curve]
+
+
+def sweeps_figure(panels: Sequence[Panel]) -> Figure:
+    """RMSE above, control effort below, one column per parameter."""
+    with house_style():
+        figure = empty_figure(10.0, 5.4)
+        axes = figure.subplots(2, len(panels), sharex="col", sharey="row", squeeze=False)
+        for column, panel in enumerate(panels):
+            _draw_sweep(axes[0, column], panel, [curve.rmse for curve in panel.curves])
+            _draw_sweep(axes[1, column], panel, [curve.effort for curve in panel.curves])
+            axes[0, column].set_yscale("log")
+            axes[1, column].set_xlabel(panel.label)
+        axes[1, 0].set_ylim(
+            0.0, 1.08 * _largest([curve.effort for panel in panels for curve in panel.curves])
+        )
+        axes[0, 0].set_ylabel("RMSE from 2 s on [deg/s]")
+        axes[1, 0].set_ylabel("control effort [1]")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="upper left", ncols=3)
+        figure.subplots_adjust(left=0.07, right=0.985, bottom=0.1, top=0.91, wspace=0.07, hspace=0.1)
+    return figure
+
+
+def _draw_sweep(axes: Axes, panel: Panel, rows: Sequence[Sequence[float]]) -> None:
+    for i, (curve, values) in enumerate(zip(panel.curves, rows, strict=True)):
+        axes.plot(
+            panel.values, values, color=_COLOURS[i], marker=_MARKERS[i], markersize=4, label=curve.label
+        )
+        chosen = [panel.values.index(value) for value in panel.chosen[i : i + 1]]
+        axes.plot(
+            [panel.values[k] for k in chosen], [values[k] for k in chosen], linestyle="none", marker="o",
+            markersize=11, markerfacecolor="none", markeredgecolor=VERMILLION,
+            label="as the scenario has it" if i == 0 else None,
+        )  # fmt: skip
+    if panel.logarithmic:
+        axes.set_xscale("log")
+    if panel.ticks:
+        axes.set_xticks(panel.ticks, [f"{value:g}" for value in panel.ticks])
+        axes.minorticks_off()
+
+
+def _largest(rows: Sequence[Sequence[float]]) -> float:
+    return float(np.nanmax(np.concatenate([np.asarray(row) for row in rows])))
+
+
+class Cloud(NamedTuple):
+    """Random tunings: their colour and line, RMSE [deg/s] (inf without one), each factor's rank correlation."""
+
+    label: str
+    colour: int
+    line: int
+    rmse: Sequence[float]
+    rank_correlation: Mapping[str, float]
+
+
+def tuning_figure(clouds: Sequence[Cloud], bar_deg_s: float) -> Figure:
+    """How many tunings stay below an RMSE, and which factors move it."""
+    with house_style():
+        figure = empty_figure(10.0, 5.4)
+        shares, bars = figure.subplots(1, 2, gridspec_kw={"width_ratios": [1.15, 1.0]})
+        for cloud in clouds:
+            sizes = np.sort(np.array(cloud.rmse))
+            share = np.arange(1, len(sizes) + 1) / len(sizes)
+            shares.step(
+                sizes, 100.0 * share, where="post", color=_COLOURS[cloud.colour % 2],
+                linestyle=_LINES[cloud.line % 2], linewidth=1.6, label=cloud.label,
+            )  # fmt: skip
+        shares.axvline(bar_deg_s, color=GREY, linewidth=1.0, linestyle=(0, (4, 2)))
+        shares.annotate(
+            "5 % of the amplitude", (bar_deg_s, 3.0), xytext=(5, 0), textcoords="offset points", color=GREY,
+            fontsize=8.5,
+        )  # fmt: skip
+        shares.set_xscale("log")
+        shares.set_ylim(0.0, 103.0)
+        shares.set_xlabel("RMSE from 2 s on [deg/s]")
+        shares.set_ylabel("random tunings with at most this RMSE [%]")
+        _draw_correlations(bars, clouds)
+        figure.legend(*shares.get_legend_handles_labels(), loc="upper left", ncols=2)
+        figure.subplots_adjust(left=0.07, right=0.985, bottom=0.1, top=0.87, wspace=0.5)
+    return figure
+
+
+def _draw_correlations(axes: Axes, clouds: Sequence[Cloud]) -> None:
+    names = list(clouds[0].rank_correlation)
+    places = np.arange(len(names))
+    height = 0.8 / len(clouds)
+    for i, cloud in enumerate(clouds):
+        values = [cloud.rank_correlation[name] for name in names]
+        axes.barh(
+            places + (i + 0.5) * height - 0.4, values, height=height, color=_COLOURS[cloud.colour % 2],
+            alpha=0.5 if cloud.line % 2 else 1.0,
+        )  # fmt: skip
+    axes.axvline(0.0, color=GREY, linewidth=0.8)
+    axes.set_yticks(places, names)
+    axes.invert_yaxis()
+    axes.set_xlim(-1.0, 1.0)
+    axes.set_xticks((-1.0, -0.5, 0.0, 0.5, 1.0))
+    axes.set_xlabel("rank correlation of the factor with the RMSE")
+    axes.grid(visible=False, axis="y")

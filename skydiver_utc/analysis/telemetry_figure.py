@@ -1,0 +1,110 @@
+"""Flights of UTC side by side with the telemetry that shows how it is tuned."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.analysis.style import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    VERMILLION,
+    empty_figure,
+    house_style,
+    short,
+)
+from skydiver_utc.simulation.flight import Flight
+
+_DEVIATIONS = (
+    ("std_Cm_damp_yaw", "damping", GREEN),
+    ("std_k_right", "right hand", VERMILLION),
+    ("std_k_left", "left hand", PURPLE),
+    ("std_alpha", "$\\alpha$", BLUE),
+)
+_STATUS_COLOURS = {"solved": GREEN, "saturated": ORANGE, "repaired": BLUE, "kept_previous": VERMILLION}
+_SMALLEST = 1e-6  # what the logarithmic axes still show
+
+
+def telemetry_figure(title: str, flights: Mapping[str, Flight]) -> Figure:
+    """One column per flight: yaw rate, innovation, standard deviations of U, repair of Pu, status."""
+    with house_style():
+        figure = empty_figure(9.0, 6.6)
+        rows = figure.subplots(
+            5, len(flights), sharex=True, sharey="row", squeeze=False,
+            gridspec_kw={"height_ratios": [1.7, 1.2, 1.2, 0.9, 0.35], "hspace": 0.16, "wspace": 0.07},
+        )  # fmt: skip
+        for column, (label, flight) in enumerate(flights.items()):
+            _draw_column(rows[:, column], label, flight)
+        for axes, name in zip(
+            rows[:, 0],
+            ("yaw rate\n[deg/s]", "innovation\n[deg/s]", "std of U\n/ range [1]", "repair of\nPu", "status"),
+            strict=True,
+        ):
+            axes.set_ylabel(name)
+            axes.yaxis.set_label_coords(-0.23, 0.5)
+        reach = 1.5 * max(float(np.max(np.abs(np.rad2deg(flight.reference)))) for flight in flights.values())
+        rows[0, 0].set_ylim(-reach, reach)
+        rows[1, 0].set_ylim(-0.5 * reach, 0.5 * reach)
+        rows[2, 0].set_ylim(1e-4, 3.0)
+        rows[3, 0].set_ylim(_SMALLEST, 30.0)
+        figure.text(0.01, 0.985, title, fontsize=12, fontweight="bold", va="top")
+        _draw_legends(figure, rows[2, 0])
+        figure.subplots_adjust(left=0.125, right=0.985, bottom=0.115, top=0.875)
+    return figure
+
+
+def _draw_column(axes: NDArray[np.object_], label: str, flight: Flight) -> None:
+    rate, innovation, deviations, repair, status = axes
+    time = flight.time_s[:-1]
+    found = metrics(flight)
+    head = "no RMSE" if found["rmse_deg_s"] is None else f"RMSE {short(found['rmse_deg_s'])} deg/s"
+    ended = "" if found["outcome"] == "completed" else f", {found['outcome'].replace('_', ' ')}"
+    rate.set_title(f"{label}\n{head}{ended}", fontsize=9.5)
+    rate.plot(flight.time_s, np.rad2deg(flight.reference), color=ORANGE, linewidth=3.0, alpha=0.75)
+    rate.plot(flight.time_s, np.rad2deg(flight.yaw_rate), color=BLUE, linewidth=1.1)
+    innovation.plot(time, np.rad2deg(_named(flight, "innovation")), color=VERMILLION, linewidth=0.8)
+    limits = flight.scenario.plant.limits
+    spans = np.subtract(limits.maximum, limits.minimum)
+    for (name, words, colour), span in zip(_DEVIATIONS, spans, strict=True):
+        deviations.plot(time, _named(flight, name) / span, color=colour, linewidth=0.9, label=words)
+    deviations.set_yscale("log")
+    repair.plot(time, np.maximum(_named(flight, "repaired_covariance"), _SMALLEST), color=BLUE, linewidth=0.8)
+    repair.set_yscale("log")
+    _draw_status(status, flight)
+    status.set_xlabel("time [s]")
+
+
+def _draw_status(axes: Axes, flight: Flight) -> None:
+    end = float(flight.time_s[-1])
+    axes.imshow(
+        flight.status[np.newaxis], aspect="auto", interpolation="nearest", extent=(0.0, end, 0.0, 1.0),
+        cmap=ListedColormap(list(_STATUS_COLOURS.values())), vmin=-0.5, vmax=len(_STATUS_COLOURS) - 0.5,
+    )  # fmt: skip
+    axes.set_yticks([])
+    axes.grid(visible=False)
+    axes.set_xlim(0.0, end)
+    axes.xaxis.set_major_locator(MaxNLocator(4, prune="upper"))
+
+
+def _draw_legends(figure: Figure, deviations: Axes) -> None:
+    figure.legend(
+        *deviations.get_legend_handles_labels(), loc="lower left", bbox_to_anchor=(0.0, 0.0), ncols=4,
+        title="std of", title_fontsize=8.5, fontsize=8.5, alignment="left", columnspacing=1.0, handlelength=1.2,
+    )  # fmt: skip
+    patches = [Patch(color=colour, label=name.replace("_", " ")) for name, colour in _STATUS_COLOURS.items()]
+    figure.legend(
+        handles=patches, loc="lower right", bbox_to_anchor=(1.0, 0.0), ncols=4, title="status", title_fontsize=8.5,
+        fontsize=8.5, alignment="left", columnspacing=1.0, handlelength=1.2,
+    )  # fmt: skip
+
+
+def _named(flight: Flight, name: str) -> NDArray[np.float64]:
+    return flight.telemetry[:, flight.telemetry_names.index(name)]

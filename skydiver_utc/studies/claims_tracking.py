@@ -1,0 +1,129 @@
+"""Claims about UTC as it is configured in the paper."""
+
+from skydiver_utc.parameters import UtcParameters
+from skydiver_utc.studies import paper_runs as flown
+from skydiver_utc.studies.claim import CLEARLY, PAPER_UTC, Claim, Verdict, judge, listed, rmse_of
+from skydiver_utc.studies.markdown import figure, percent
+from skydiver_utc.studies.paper_results import PaperResults
+from skydiver_utc.studies.runs import shipped
+
+_BARS = (4.0, 6.0, 4.0)  # RMSE [deg/s] of PAPER_UTC
+_LAYOUT_DEG = 10.0
+_CONVERGED_S = 2.0  # the paper's "around 2 s"
+
+
+def tracks(results: PaperResults) -> Claim:
+    """The paper's three configurations."""
+    found = rmse_of(results, PAPER_UTC)
+    return Claim(
+        "UTC accurately tracks the desired maneuver",
+        f"RMSE at most {listed(_BARS)} deg/s (`utc_m0_c2`, `utc_m1_c2`, `utc_m1_c3`)",
+        listed(found),
+        judge([value <= bar for value, bar in zip(found, _BARS, strict=True)]),
+    )
+
+
+def layouts(results: PaperResults) -> Claim:
+    """Other maneuvers, from the paper's source c3."""
+    found = [results.of(one) for one in flown.LAYOUTS]
+    texts = [
+        f"`{one.command}`: {measures.facing}, {figure(abs(measures.angle_error_deg or 0.0))} deg off"
+        for one, measures in zip(flown.LAYOUTS, found, strict=True)
+    ]
+    parts = [
+        measures.facing == side and abs(measures.angle_error_deg or 0.0) <= _LAYOUT_DEG
+        for measures, side in zip(found, ("back to earth", "belly to earth"), strict=True)
+    ]
+    return Claim(
+        "It also flies front and back layouts, through head to earth",
+        f"ends on the other side, the angle turned at most {_LAYOUT_DEG:g} deg off",
+        "; ".join(texts),
+        judge(parts),
+    )
+
+
+def mean_square(_results: PaperResults) -> Claim:
+    """What the update is."""
+    return Claim(
+        "The update is the minimum mean square error solution, given the sigma points",
+        "on a linear plant the update equals the closed form to 1e-12",
+        "`test_linear_oracle` in test/test_utc_against_paper.py",
+        Verdict.HOLDS,
+    )
+
+
+def cheaper(_results: PaperResults) -> Claim:
+    """Against optimisation."""
+    return Claim(
+        "Propagating nine sigma points costs less than solving a nonlinear program",
+        "time per step in one table",
+        "`make bench`",
+        Verdict.ELSEWHERE,
+    )
+
+
+def no_convergence_problems(results: PaperResults) -> Claim:
+    """Steps without an answer."""
+    usual = {one.command for one in flown.CONFIGURATIONS.values()}
+    runs = flown.all_runs()
+    utc = {
+        name
+        for name in {one.scenario for one in runs.values()}
+        if isinstance(shipped(name).controller, UtcParameters)
+    }
+    flights = {command: one for command, one in results.measures.items() if runs[command].scenario in utc}
+    steps = sum(sum(one.status_steps.values()) for one in flights.values())
+    repaired = sum(one.status_steps["repaired"] for one in flights.values())
+    kept = {command: one.status_steps["kept_previous"] for command, one in flights.items()}
+    stuck = [f"`{command}`" for command, count in kept.items() if count]
+    where = f", all in {', '.join(stuck)}" if stuck else ""
+    return Claim(
+        "There are no convergence problems that optimization engines have to deal with",
+        "no step without an answer (kept_previous) in the configurations, nor in any other flight of UTC here",
+        f"{sum(kept.values())} of {steps} steps in {len(flights)} flights{where}; Pu needed repair before its root"
+        f" in {percent(repaired / steps)} of the steps",
+        judge([not any(kept[one] for one in usual & kept.keys()), not stuck]),
+    )
+
+
+def more_accurate(results: PaperResults) -> Claim:
+    """Dynamics of alpha in the prediction."""
+    unknown, modelled = rmse_of(results, [flown.M0_C2, flown.M1_C2])
+    return Claim(
+        "With the dynamics of alpha in the prediction the accuracy is better (`utc_m0_c2`, `utc_m1_c2`)",
+        "smaller RMSE",
+        f"{figure(unknown)} unknown, {figure(modelled)} modelled",
+        judge([modelled < unknown]),
+    )
+
+
+def short_horizon(results: PaperResults) -> Claim:
+    """and the horizon that they allow."""
+    long, short, modelled = rmse_of(results, [flown.M0_C2, flown.M0_SHORT, flown.M1_C2])
+    return Claim(
+        "and a smaller horizon can be used: 5 steps instead of 20",
+        f"with 5 steps unknown dynamics are at least {CLEARLY} times worse than with 20, eq:m1utc is not worse",
+        f"unknown {figure(long)} (20), {figure(short)} (5); eq:m1utc {figure(modelled)} (5)",
+        judge([short >= CLEARLY * long, modelled <= long]),
+    )
+
+
+def fast_convergence(results: PaperResults) -> Claim:
+    """The conclusion's first advantage."""
+    found = [results.of(one).converged_at for one in PAPER_UTC]
+    return Claim(
+        "Fast convergence, around 2 s",
+        f"inside 5 % for good from at most {_CONVERGED_S:g} s on",
+        f"{listed(found)} s",
+        judge([value <= _CONVERGED_S for value in found]),
+    )
+
+
+def stability(_results: PaperResults) -> Claim:
+    """The conclusion's outlook."""
+    return Claim(
+        "For linear systems stability takes the form of a Riccati equation, with one more term for N > 1",
+        "",
+        "`skydiver-utc stability`",
+        Verdict.ELSEWHERE,
+    )

@@ -1,0 +1,56 @@
+"""The tuning study in tables."""
+
+from collections.abc import Callable, Sequence
+
+from skydiver_utc.studies.markdown import figure, percent, table
+from skydiver_utc.studies.tuning_summary import TuningSummary
+
+_COUNTS: dict[str, Callable[[TuningSummary], str]] = {
+    "tunings": lambda one: str(one.count),
+    "belly to earth to the end": lambda one: str(one.completed),
+    "converged in the first half": lambda one: str(one.converged),
+    "converged by 2 s": lambda one: str(one.converged_by_2_s),
+    "RMSE at most 5 % of the amplitude": lambda one: str(one.tracked),
+    "RMSE that 5 %, 50 %, 95 % stay below": lambda one: ", ".join(map(figure, one.rmse_quantiles)),
+    "RMSE of the scenario's own tuning": lambda one: figure(one.own_rmse),
+    "tunings with a smaller RMSE": lambda one: str(one.better_than_own),
+    "steps without an answer": lambda one: str(one.kept_previous_steps),
+}
+
+
+def head(summaries: Sequence[TuningSummary]) -> list[str]:
+    """The columns of both tables."""
+    return ["", *(one.label for one in summaries)]
+
+
+def count_rows(summaries: Sequence[TuningSummary]) -> list[list[str]]:
+    """How many tunings did what."""
+    return [[label, *(text(one) for one in summaries)] for label, text in _COUNTS.items()]
+
+
+def influence_rows(summaries: Sequence[TuningSummary]) -> list[list[str]]:
+    """Rank correlation of each factor with the RMSE, and the share that converged by quarters of the factor."""
+    return [[name, *(_influence(one, name) for one in summaries)] for name in summaries[0].influence]
+
+
+def _influence(one: TuningSummary, name: str) -> str:
+    found = one.influence[name]
+    return f"{found.rank_correlation:+.2f}; {', '.join(percent(share) for share in found.converged)}"
+
+
+def tuning_section(summaries: Sequence[TuningSummary]) -> str:
+    """The study's part of the page."""
+    if not summaries:
+        return "## Random tunings\n\nNot flown: `skydiver-utc study tuning` into the same folder first.\n"
+    return f"""## Random tunings
+
+Each covariance times a random factor, log-uniform within the bound named (`skydiver-utc study tuning`).
+Every flight is a row of a tuning_*.csv beside this page, with its factors on the scenario's own values.
+
+{table(head(summaries), count_rows(summaries))}
+Why: the rank correlation of each factor with the RMSE; then the share that converged in each quarter of the factor,
+low to high. Qu_14 is Qu_ratio times covariance_14, rho_14 the correlation of alpha and damping in Pu at the start.
+
+{table(head(summaries), influence_rows(summaries))}
+![RMSE of the random tunings](tuning.png)
+"""

@@ -1,0 +1,109 @@
+"""What many random tunings say together."""
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.analysis.metrics import CONVERGED_SHARE
+from skydiver_utc.parameters import Scenario
+from skydiver_utc.studies.runs import Measures
+from skydiver_utc.studies.tuning import FACTORS, Tunings
+
+_FAST_S = 2.0
+_QUANTILES = (0.05, 0.5, 0.95)
+_PARTS = 4
+
+# Products of the factors that say more than each alone: the entry of Qu that couples alpha with the damping, and
+# the correlation of the two in Pu at the start. Exponents by factor.
+_PRODUCTS = {
+    "Qu_14": {"Qu_ratio": 1.0, "covariance_14": 1.0},
+    "rho_14": {
+        "covariance_14": 1.0,
+        "variance_Cm_damp_yaw": -0.5,
+        "variance_alpha": -0.5,
+    },
+}
+
+
+class Influence(msgspec.Struct, frozen=True):
+    """Of a factor: Spearman's rank correlation with the RMSE, and what share converged in each of its quarters."""
+
+    rank_correlation: float
+    converged: tuple[float, float, float, float]
+
+
+class TuningSummary(msgspec.Struct, frozen=True):
+    """One scenario under `count` random tunings, each covariance within a factor `reach`.
+
+    completed: flown to the end, belly to earth. converged: completed, and inside 5 % of the amplitude for good from
+    the first half of the flight on; by_2_s: from 2 s on. tracked: RMSE at most 5 % of the amplitude.
+    rmse_quantiles: what 5 %, 50 %, 95 % stay below [deg/s]; own_rmse is that of the scenario's own tuning.
+    """
+
+    scenario: str
+    reach: float
+    count: int
+    completed: int
+    converged: int
+    converged_by_2_s: int
+    tracked: int
+    kept_previous_steps: int
+    rmse_quantiles: tuple[float | None, float | None, float | None]
+    own_rmse: float | None
+    better_than_own: int
+    influence: dict[str, Influence]
+
+    @property
+    def label(self) -> str:
+        """The scenario and the reach in words."""
+        return f"{self.scenario}, factor {self.reach:g}"
+
+
+def summarise(tunings: Tunings) -> TuningSummary:
+    """Count and correlate."""
+    scenario, found = tunings.scenario, [tuning.measures for tuning in tunings.random]
+    rmse = np.array([one.rmse for one in found])
+    converged_at = np.array([one.converged_at for one in found])
+    converged = np.array([_has_converged(scenario, one) for one in found])
+    bar = CONVERGED_SHARE * scenario.reference.amplitude_or_level_deg_s
+    # A value of the sample and not one between two, which does not exist beside a flight without an RMSE.
+    quantiles = np.quantile(rmse, _QUANTILES, method="inverted_cdf")
+    low, middle, high = (float(q) if np.isfinite(q) else None for q in quantiles)
+    return TuningSummary(
+        scenario=scenario.name,
+        reach=tunings.reach,
+        count=len(found),
+        completed=sum(one.outcome == "completed" for one in found),
+        converged=int(np.sum(converged)),
+        converged_by_2_s=int(np.sum(converged & (converged_at <= _FAST_S))),
+        tracked=int(np.sum(rmse <= bar)),
+        kept_previous_steps=sum(one.status_steps["kept_previous"] for one in found),
+        rmse_quantiles=(low, middle, high),
+        own_rmse=tunings.own.rmse_deg_s,
+        better_than_own=int(np.sum(rmse < tunings.own.rmse)),
+        influence={name: _influence(sizes, rmse, converged) for name, sizes in _sizes(tunings).items()},
+    )
+
+
+def _has_converged(scenario: Scenario, one: Measures) -> bool:
+    """Whether a flight converged, and not by chance shortly before its end."""
+    return one.outcome == "completed" and one.converged_at <= 0.5 * scenario.duration_s
+
+
+def _sizes(tunings: Tunings) -> dict[str, NDArray[np.float64]]:
+    """Logarithms (count,) of the factors and of their products."""
+    logarithms = np.log([tuning.factors for tuning in tunings.random])
+    sizes = dict(zip(FACTORS, logarithms.T, strict=True))
+    for name, exponents in _PRODUCTS.items():
+        sizes[name] = np.sum([power * sizes[factor] for factor, power in exponents.items()], axis=0)
+    return sizes
+
+
+def _influence(
+    sizes: NDArray[np.float64], rmse: NDArray[np.float64], converged: NDArray[np.bool_]
+) -> Influence:
+    from scipy.stats import spearmanr
+
+    parts = np.array_split(converged[np.argsort(sizes, kind="stable")], _PARTS)
+    first, second, third, fourth = (round(float(np.mean(part)), 3) for part in parts)
+    return Influence(round(float(spearmanr(sizes, rmse).statistic), 3), (first, second, third, fourth))
