@@ -147,6 +147,21 @@ def analyse(run_folder: str, as_json: bool) -> None:
     look(Path(run_folder), as_json)
 
 
+@main.command(short_help="Make a whole bag of a recording that was cut short.")
+@click.argument("run_folder", metavar="RUN")
+@click.option("--out", metavar="FOLDER", help="The new folder, instead of RUN_recovered.")
+@_json
+def recover(run_folder: str, out: str | None, as_json: bool) -> None:
+    """Make a whole bag of the recording RUN, whose recorder was killed or whose file is damaged.
+
+    Everything that can be read goes into a new run folder; RUN stays as it is. A recorder that was killed leaves
+    all but about its last half second. A bag that is whole is told so, and nothing is written.
+    """
+    from skydiver_utc.verbs.recover import recover as save
+
+    save(Path(run_folder), Path(out) if out else None, as_json)
+
+
 @main.group()
 def pattern() -> None:
     """Postures and movement patterns: make them again from the parameters, and see what they do."""

@@ -171,9 +171,11 @@ class _Store:
 
     def take(self, pending: deque[_Message]) -> None:
         """Move everything that is queued into the file, down to the operating system."""
-        for _ in range(len(pending)):
+        count = len(pending)
+        # All that are known, so that also a silent topic is in what a killed recorder leaves.
+        self._register(len(self._topics))
+        for _ in range(count):
             message = pending.popleft()
-            self._register(message.channel_id)
             self._add(self._topics[message.channel_id - 1], message)
         self._mcap.flush()
 

@@ -123,7 +123,7 @@ def _whereabouts(folder: Path) -> str:
             return f"nothing was recorded yet, {folder} can be deleted"
         return f"the recording so far is in {folder}, `skydiver-utc analyse {folder}` looks at it"
     if folder.is_dir():
-        return f"the recording in {folder} has no end"
+        return f"the recording has no end, `skydiver-utc recover {folder}` saves what is there"
     return "nothing was recorded"
 
 
