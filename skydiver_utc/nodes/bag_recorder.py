@@ -30,7 +30,7 @@ from skydiver_utc.recording.writer import BagWriter
 
 _POLL_S = 0.02
 _DEPTH = 2000
-_FLUSH_INTERVAL_S = 0.5
+_FLUSH_INTERVAL_S = 0.25  # a killed recorder loses this, the poll and the writing: well below half a second
 _PATIENCE_S = 5.0
 _QUIET_S = 0.1
 _OUTCOME_S = 1.0  # the outcome of a flight that is being stopped together with its recorder
