@@ -19,6 +19,14 @@ exit code
 """
 
 
+_CHECK_EXIT_CODES = """\b
+exit code of --check
+    0  every command is the recorded one
+    1  some are not
+    2  the input is wrong: one sentence says what to do
+"""
+
+
 class Verbs(click.Group):
     """Turns the errors of bad input into one sentence; any other error is a fault of the program."""
 
@@ -160,6 +168,34 @@ def recover(run_folder: str, out: str | None, as_json: bool) -> None:
     from skydiver_utc.verbs.recover import recover as save
 
     save(Path(run_folder), Path(out) if out else None, as_json)
+
+
+@main.command(epilog=_CHECK_EXIT_CODES, short_help="Ask the controller of a recorded run again.")
+@click.argument("run_folder", metavar="RUN")
+@click.option("--check", is_flag=True, help="Compare the controller's answers with the recorded commands.")
+@click.option(
+    "--controller", metavar="SCENARIO", help="With --check: ask this scenario's controller instead of RUN's."
+)
+@_settings
+@click.option("--figure", metavar="FILE.png", help="With --check: draw both commands into this file.")
+@_json
+def replay(
+    run_folder: str,
+    check: bool,
+    controller: str | None,
+    settings: tuple[str, ...],
+    figure: str | None,
+    as_json: bool,
+) -> None:
+    """Ask the controller of the recorded run RUN again.
+
+    --check feeds the recorded states and reference to the controller of the recorded scenario and tells the first
+    command that is not the recorded one, bit for bit. With --controller or --set it asks another controller what it
+    would have done at these states.
+    """
+    from skydiver_utc.verbs.check import check as ask
+
+    raise SystemExit(ask(Path(run_folder), controller, settings, Path(figure) if figure else None, as_json))
 
 
 @main.group()

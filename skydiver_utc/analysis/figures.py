@@ -29,7 +29,7 @@ from skydiver_utc.simulation.outcome import Outcome
 BLUE, ORANGE, VERMILLION, GREEN, PURPLE = "#0072B2", "#E69F00", "#D55E00", "#009E73", "#AA4499"
 INK, GREY, PALE = "#222222", "#777777", "#EDEDED"
 
-_CONTROLS = (
+CONTROLS = (
     ("yaw damping\n$C_{m,damp}$ [1]", GREEN),
     ("right hand\n$k_{right}$ [1]", VERMILLION),
     ("left hand\n$k_{left}$ [1]", PURPLE),
@@ -38,7 +38,7 @@ _CONTROLS = (
 # Label of the body rate that is drawn, by what the reference is for.
 _PITCH_RATE = "pitch rate [deg/s]\nhead down positive"
 _RATES = {"yaw_rate": "yaw rate [deg/s]\nleft turn positive", "pitch_rate": _PITCH_RATE, "alpha": _PITCH_RATE}
-_STYLE: dict[Any, Any] = {
+STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9.5,
     "axes.labelsize": 9.5,
@@ -68,7 +68,7 @@ def tracking_figure(flight: Flight) -> Figure:
     """
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_STYLE)
+        matplotlib.rcParams.update(STYLE)
         figure = Figure(figsize=(8.0, 10.4))
         FigureCanvasAgg(figure)
         values = metrics(flight)
@@ -80,7 +80,7 @@ def tracking_figure(flight: Flight) -> Figure:
         if not isinstance(flight.scenario.reference, SineReference | ConstantReference):
             panels.append((1.6, lambda axes: _draw_angle(axes, flight)))
         controls = len(panels)
-        panels += [(1.0, partial(_draw_control, flight=flight, j=j)) for j in range(len(_CONTROLS))]
+        panels += [(1.0, partial(_draw_control, flight=flight, j=j)) for j in range(len(CONTROLS))]
         heights = [height for height, _ in panels]
         rows = figure.subplots(
             len(panels), 1, sharex=True, gridspec_kw={"height_ratios": heights, "hspace": 0.19}
@@ -182,7 +182,7 @@ def _draw_error(
 
 
 def _draw_control(axes: Axes, flight: Flight, j: int) -> None:
-    label, colour = _CONTROLS[j]
+    label, colour = CONTROLS[j]
     time = flight.time_s[:-1]
     lower = flight.scenario.plant.limits.minimum[j]
     upper = flight.scenario.plant.limits.maximum[j]
