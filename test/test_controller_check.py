@@ -16,6 +16,7 @@ from test_analysis_recorded_flight import Edit, Message, preview, without
 from skydiver_utc.analysis.controller_check import check
 from skydiver_utc.analysis.recorded_flight import CONTROL_NAMES, RecordedFlight
 from skydiver_utc.cli import main
+from skydiver_utc.control.protocol import Controller
 from skydiver_utc.parameters import load_scenario, override
 from skydiver_utc.plant.skydiver import CONTROL_NAMES as OF_PLANT
 from skydiver_utc.simulation.build import build_controller, build_reference
@@ -84,12 +85,23 @@ def test_nothing_is_added_to_a_reference_that_was_recorded(run: Path) -> None:
     assert {of["largest"] for of in values["controls"].values()} == {0.0}
 
 
+def by_hand_answers(flight: Flight, controller: Controller, reference: Any) -> Any:
+    ahead = controller.preview_steps + 1
+    states = flight.states[:-1]
+    return np.array(
+        [controller.decide(x, reference[k : k + ahead]).control.copy() for k, x in enumerate(states)]
+    )
+
+
 def test_the_previews_are_what_the_controller_is_fed(flight: Flight, tmp_path: Path) -> None:
-    """The controller looks ahead, so a preview that is wrong from step 80 on shows before step 80."""
+    """Of two previews of one step the later one counts, as in the controller node."""
     folder = write_bag(tmp_path / "run", flight, with_previews(flight, offset=0.01))
-    first = told(folder)["first_difference"]
-    ahead = flight.scenario.preview_steps
-    assert 80 - ahead <= first["step"] <= 80
+    reference = build_reference(flight.scenario).preview(0, 400)
+    reference[80:] += 0.01 * 80
+    answers = by_hand_answers(flight, build_controller(flight.scenario), reference)
+    values = told(folder)
+    assert values["different_steps"] == (answers != flight.commands).any(axis=1).sum() > 0
+    assert values["controls"]["alpha"]["largest"] == abs(answers - flight.commands)[:, 3].max()
 
 
 @pytest.mark.parametrize(("step", "control"), [(0, 3), (57, 0), (142, 2)])
@@ -126,10 +138,8 @@ def test_another_controller_is_asked_at_the_recorded_states(run: Path, flight: F
     """Its answers are those of that controller called by hand with the same states, and so are the figures."""
     other = load_scenario("fast_turn_pose_only")
     controller = build_controller(msgspec.structs.replace(flight.scenario, controller=other.controller))
-    answers = [
-        controller.decide(flight.states[k], flight.reference[k : k + 1]).control.copy() for k in range(143)
-    ]
-    error = np.array(answers) - flight.commands
+    answers = by_hand_answers(flight, controller, flight.reference)
+    error = answers - flight.commands
     values = told(run, "--controller", "fast_turn_pose_only")
     assert values["asked"] == "the controller of fast_turn_pose_only"
     for j, name in enumerate(CONTROL_NAMES):

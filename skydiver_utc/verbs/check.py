@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from skydiver_utc.analysis.controller_check import Check, report
@@ -79,11 +79,8 @@ def _show(values: dict[str, Any]) -> None:
             Text(f"{values['asked']}: all {values['steps']} commands are the recorded ones, bit for bit")
         )
         return
-    table = Table(
-        title=Text(f"{values['asked']}, less what is recorded"), title_justify="left", title_style="bold"
-    )
-    for heading in ("control", "RMS", "largest", "at [s]"):
-        table.add_column(heading, justify="left" if heading == "control" else "right")
+    console.print(Text(f"{values['asked']}, less what is recorded", style="bold"), soft_wrap=True)
+    table = Table("control", *(Column(heading, justify="right") for heading in ("RMS", "largest", "at, s")))
     for name, of in values["controls"].items():
         table.add_row(name, f"{of['rms']:.6g}", f"{of['largest']:.6g}", f"{of['largest_at_s']:.3f}")
     console.print(table)
