@@ -170,8 +170,15 @@ def recover(run_folder: str, out: str | None, as_json: bool) -> None:
     save(Path(run_folder), Path(out) if out else None, as_json)
 
 
-@main.command(epilog=_CHECK_EXIT_CODES, short_help="Ask the controller of a recorded run again.")
+@main.command(epilog=_CHECK_EXIT_CODES, short_help="Play a recorded run again, or check its controller.")
 @click.argument("run_folder", metavar="RUN")
+@click.option("--rate", default=1.0, show_default=True, help="Speed, in simulated seconds per second.")
+@click.option("--start", default=0.0, metavar="S", help="Begin this many seconds after the first message.")
+@click.option("--loop", is_flag=True, help="Begin again at the end, until interrupted.")
+@click.option(
+    "--paused", is_flag=True, help="Wait for the space bar, or the service, before the first message."
+)
+@click.option("--topics", metavar="NAME,...", help="Only these topics, and /clock; state is /skydiver/state.")
 @click.option("--check", is_flag=True, help="Compare the controller's answers with the recorded commands.")
 @click.option(
     "--controller", metavar="SCENARIO", help="With --check: ask this scenario's controller instead of RUN's."
@@ -179,23 +186,41 @@ def recover(run_folder: str, out: str | None, as_json: bool) -> None:
 @_settings
 @click.option("--figure", metavar="FILE.png", help="With --check: draw both commands into this file.")
 @_json
+@_quiet
 def replay(
     run_folder: str,
+    rate: float,
+    start: float,
+    loop: bool,
+    paused: bool,
+    topics: str | None,
     check: bool,
     controller: str | None,
     settings: tuple[str, ...],
     figure: str | None,
     as_json: bool,
+    quiet: bool,
 ) -> None:
-    """Ask the controller of the recorded run RUN again.
+    """Play the recorded run RUN again over ROS 2, or check its controller.
 
-    --check feeds the recorded states and reference to the controller of the recorded scenario and tells the first
-    command that is not the recorded one, bit for bit. With --controller or --set it asks another controller what it
-    would have done at these states.
+    Publishes the recorded messages in order, byte for byte, with /clock, on ROS_DOMAIN_ID (0 unless set) of this
+    machine. The space bar pauses and goes on, and so does the service /player/pause (std_srvs/SetBool).
+
+    --check plays nothing and needs no ROS: it feeds the recorded states and reference to the controller of the
+    recorded scenario and tells the first command that is not the recorded one, bit for bit. With --controller or
+    --set it asks another controller what it would have done at these states.
     """
-    from skydiver_utc.verbs.check import check as ask
+    if check:
+        from skydiver_utc.verbs.check import check as ask
 
-    raise SystemExit(ask(Path(run_folder), controller, settings, Path(figure) if figure else None, as_json))
+        path = Path(figure) if figure else None
+        raise SystemExit(ask(Path(run_folder), controller, settings, path, as_json))
+    if controller or settings or figure or as_json:
+        raise click.UsageError("--controller, --set, --figure and --json go with --check")
+    from skydiver_utc.verbs.replay import replay as play
+
+    names = [name for name in (topics or "").split(",") if name]
+    raise SystemExit(play(Path(run_folder), rate, start, loop, paused, names, quiet))
 
 
 @main.group()

@@ -33,6 +33,8 @@ class RecordedTopic:
     log_times_ns: NDArray[np.int64]
     publish_times_ns: NDArray[np.int64]
     definitions: Definitions = field(repr=False)
+    type_hash: str = ""  # RIHS01, empty where the bag does not tell
+    qos_profiles_yaml: str = field(default="", repr=False)  # as offered when it was recorded
 
     def __len__(self) -> int:
         return len(self.cdr)
@@ -87,6 +89,8 @@ class _Column:
     """The growing content of one topic."""
 
     type_name: str
+    type_hash: str
+    qos_profiles_yaml: str
     log_times_ns: list[int] = field(default_factory=list)
     publish_times_ns: list[int] = field(default_factory=list)
     cdr: list[bytes] = field(default_factory=list)
@@ -112,6 +116,8 @@ class _Contents:
                 np.array(column.log_times_ns, dtype=np.int64),
                 np.array(column.publish_times_ns, dtype=np.int64),
                 definitions,
+                column.type_hash,
+                column.qos_profiles_yaml,
             )
             for name, column in self._columns.items()
         }
@@ -162,7 +168,9 @@ class _Contents:
                 " topics that you want by name, without it."
             )
         self._definitions.add((schema.name, schema.data.decode()))
-        column = self._columns.setdefault(channel.topic, _Column(schema.name))
+        told = channel.metadata
+        new = _Column(schema.name, told.get("topic_type_hash", ""), told.get("offered_qos_profiles", ""))
+        column = self._columns.setdefault(channel.topic, new)
         if column.type_name != schema.name:
             raise RecordingError(
                 f"The topic {channel.topic} has two types, {column.type_name} and {schema.name}: ask for the"

@@ -86,7 +86,10 @@ def _fly(scenario: Scenario, folder: Path, environment: dict[str, str], quiet: b
     ):
         resolved = Path(scratch) / "scenario.yaml"
         resolved.write_text(to_yaml(scenario), encoding="utf-8")
-        common: dict[str, str | bool] = {"scenario": str(resolved), "wait_for_recorder": True}
+        common: dict[str, str | bool | float | list[str]] = {
+            "scenario": str(resolved),
+            "wait_for_recorder": True,
+        }
         nodes.start(RECORDER, {"scenario": str(resolved), "bag_folder": str(folder.absolute())})
         nodes.start(CONTROLLER, common)
         nodes.start(REFERENCE, common)
