@@ -1,9 +1,11 @@
 """Writes serialized ROS 2 messages into a rosbag2 bag folder: `metadata.yaml` and one MCAP file."""
 
 import atexit
+import math
 import operator
 import os
 import threading
+import time
 from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,13 +63,22 @@ class BagWriter:
     `close`, but not by a kill, closes the bag on its way out.
     """
 
-    def __init__(self, folder: Path, flush_interval_s: float = 0.5) -> None:
-        """Create the folder, and its parents where missing; a folder that exists raises `RecordingError`."""
+    def __init__(
+        self, folder: Path, flush_interval_s: float = 0.5, most_waiting_bytes: int | None = None
+    ) -> None:
+        """Create the folder, and its parents where missing; a folder that exists raises `RecordingError`.
+
+        While more than `most_waiting_bytes` wait for a disk that is slow, further messages are dropped and counted
+        in `dropped`; without that number none ever is.
+        """
         if not flush_interval_s > 0.0:
             raise RecordingError(f"A flush interval of {flush_interval_s} s cannot be: give one above 0 s.")
         self.folder = Path(folder)
         self.mcap_path = self.folder / f"{self.folder.name}_0.mcap"
+        self.dropped = 0
         self._flush_interval_s = flush_interval_s
+        self._most_waiting_bytes = math.inf if most_waiting_bytes is None else most_waiting_bytes
+        self._queued_bytes = 0
         self._file = _create_bag(self.folder, self.mcap_path)
         self._topics: list[_Topic] = []
         self._store = _Store(Writer(self._file, compression=_COMPRESSION), self._topics)
@@ -94,8 +105,11 @@ class BagWriter:
         self._topics.append(_Topic(topic, type_name, schema_text, type_hash, qos_profiles_yaml, profiles))
         return len(self._topics)
 
-    def write(self, channel_id: int, cdr: bytes, log_time_ns: int, publish_time_ns: int) -> None:
-        """Queue a serialized message and its times in ns; sequence numbers count from 0 on each channel."""
+    def write(self, channel_id: int, cdr: bytes, log_time_ns: int, publish_time_ns: int) -> bool:
+        """Queue a serialized message and its times in ns; sequence numbers count from 0 on each channel.
+
+        False when it was dropped.
+        """
         self._check_open()
         if not 1 <= channel_id <= len(self._topics):
             raise RecordingError(f"There is no channel {channel_id}: use the number that add_topic returned.")
@@ -104,7 +118,23 @@ class BagWriter:
             raise RecordingError(
                 f"The times {log_time_ns} and {publish_time_ns} cannot be stored: give ns, 0 to {_LATEST_NS}."
             )
+        if self.waiting_bytes + len(cdr) > self._most_waiting_bytes:
+            self.dropped += 1
+            return False
+        self._queued_bytes += len(cdr)
         self._pending.append(_Message(channel_id, bytes(cdr), log_time_ns, publish_time_ns))
+        return True
+
+    @property
+    def waiting_bytes(self) -> int:
+        """Bytes of the messages that are queued and not yet handed to the operating system."""
+        return self._queued_bytes - self._store.taken_bytes
+
+    @property
+    def behind_s(self) -> float:
+        """How long ago the disk took something last, beyond the flush interval; 0 while nothing waits."""
+        late_s = time.monotonic() - self._store.flushed_at_s - self._flush_interval_s
+        return max(0.0, late_s) if self.waiting_bytes else 0.0
 
     def close(self) -> None:
         """Write what is queued, the index and `metadata.yaml`; a second call does nothing."""
@@ -134,7 +164,7 @@ class BagWriter:
         reason = getattr(self._failure, "strerror", None) or repr(self._failure)
         raise RecordingError(
             f"The recording stopped, {self.folder} cannot be written to ({reason}): make room or choose"
-            " another folder, and record again."
+            f" another folder; `skydiver-utc recover {self.folder}` saves what is there."
         ) from self._failure
 
     def _record(self) -> None:
@@ -163,6 +193,8 @@ class _Store:
         self._registered = 0
         self._schemas: dict[tuple[str, str], int] = {}
         self.log_span_ns: tuple[int, int] | None = None
+        self.taken_bytes = 0
+        self.flushed_at_s = time.monotonic()
 
     def start(self) -> None:
         """Write the header."""
@@ -174,10 +206,14 @@ class _Store:
         count = len(pending)
         # All that are known, so that also a silent topic is in what a killed recorder leaves.
         self._register(len(self._topics))
+        taken_bytes = 0
         for _ in range(count):
             message = pending.popleft()
+            taken_bytes += len(message.cdr)
             self._add(self._topics[message.channel_id - 1], message)
         self._mcap.flush()
+        self.taken_bytes += taken_bytes
+        self.flushed_at_s = time.monotonic()
 
     def finish(self) -> None:
         """Write the index and the footer."""

@@ -96,15 +96,20 @@ class NodeProcesses:
         """True when this node's process has ended and all that it printed has been read."""
         return self._processes[kind].poll() is not None and self._lines.empty()
 
-    def failed(self) -> str | None:
-        """A node, other than the plant, that has ended with an error; None while all is well."""
-        codes = {kind: process.poll() for kind, process in self._processes.items() if kind != PLANT}
+    def failed(self, *apart_from: str) -> str | None:
+        """A node, other than the plant and those named, that has ended with an error; None while all is well."""
+        others = (PLANT, *apart_from)
+        codes = {kind: process.poll() for kind, process in self._processes.items() if kind not in others}
         return next((kind for kind, code in codes.items() if code), None)
 
     def ending(self, kind: str) -> str:
         """How a node ended, in two words."""
         code = self._processes[kind].wait()
         return f"exit code {code}" if code >= 0 else f"signal {signal.Signals(-code).name}"
+
+    def has_said(self, kind: str, text: str) -> bool:
+        """True when a node has written this to its log."""
+        return text in self._log(kind).read_text(encoding="utf-8", errors="replace")
 
     def last_lines(self, kind: str) -> str:
         """What a node wrote to stderr last, indented; empty if it wrote nothing."""
