@@ -7,47 +7,25 @@ import os
 import threading
 import time
 from collections import deque
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, NamedTuple
+from typing import BinaryIO
 
-from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
+from mcap.writer import CompressionType, Writer
 
 from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.message_store import MessageStore, QueuedMessage, StoredTopic
 from skydiver_utc.recording.metadata import (
     METADATA_FILE,
-    TopicSummary,
     metadata_yaml,
     parse_qos_profiles,
     write_whole,
 )
 
 _LATEST_NS = 2**63 - 1  # times are signed 64-bit in rosbag2
-_SEQUENCE_MASK = 2**32 - 1
-
 # LZ4 makes a flight four times smaller for 0.2 ms of the 1.6 ms that a flush takes every half second, and the
 # readers of MCAP bring it; zstd takes 1 ms for another sixth.
 _COMPRESSION = CompressionType.LZ4
-
-
-class _Message(NamedTuple):
-    channel_id: int
-    cdr: bytes
-    log_time_ns: int
-    publish_time_ns: int
-
-
-@dataclass
-class _Topic:
-    name: str
-    type_name: str
-    schema_text: str
-    type_hash: str
-    qos_profiles_yaml: str
-    qos_profiles: list[dict[str, Any]]
-    mcap_channel: int = 0
-    message_count: int = 0
 
 
 class BagWriter:
@@ -80,9 +58,9 @@ class BagWriter:
         self._most_waiting_bytes = math.inf if most_waiting_bytes is None else most_waiting_bytes
         self._queued_bytes = 0
         self._file = _create_bag(self.folder, self.mcap_path)
-        self._topics: list[_Topic] = []
-        self._store = _Store(Writer(self._file, compression=_COMPRESSION), self._topics)
-        self._pending: deque[_Message] = deque()
+        self._topics: list[StoredTopic] = []
+        self._store = MessageStore(Writer(self._file, compression=_COMPRESSION), self._topics)
+        self._pending: deque[QueuedMessage] = deque()
         self._failure: Exception | None = None
         self._failure_told = False
         self._closing = threading.Event()
@@ -102,7 +80,9 @@ class BagWriter:
         if any(known.name == topic for known in self._topics):
             raise RecordingError(f"The topic {topic} is in the bag already: add each topic once.")
         profiles = parse_qos_profiles(qos_profiles_yaml)
-        self._topics.append(_Topic(topic, type_name, schema_text, type_hash, qos_profiles_yaml, profiles))
+        self._topics.append(
+            StoredTopic(topic, type_name, schema_text, type_hash, qos_profiles_yaml, profiles)
+        )
         return len(self._topics)
 
     def write(self, channel_id: int, cdr: bytes, log_time_ns: int, publish_time_ns: int) -> bool:
@@ -122,7 +102,7 @@ class BagWriter:
             self.dropped += 1
             return False
         self._queued_bytes += len(cdr)
-        self._pending.append(_Message(channel_id, bytes(cdr), log_time_ns, publish_time_ns))
+        self._pending.append(QueuedMessage(channel_id, bytes(cdr), log_time_ns, publish_time_ns))
         return True
 
     @property
@@ -182,78 +162,6 @@ class BagWriter:
             write_whole(self.folder / METADATA_FILE, text)
         except Exception as error:  # kept for the caller, who would not see how a thread ends
             self._failure = error
-
-
-class _Store:
-    """The part that only the recording thread touches: the MCAP file and the statistics of what is in it."""
-
-    def __init__(self, mcap: Writer, topics: list[_Topic]) -> None:
-        self._mcap = mcap
-        self._topics = topics
-        self._registered = 0
-        self._schemas: dict[tuple[str, str], int] = {}
-        self.log_span_ns: tuple[int, int] | None = None
-        self.taken_bytes = 0
-        self.flushed_at_s = time.monotonic()
-
-    def start(self) -> None:
-        """Write the header."""
-        self._mcap.start(profile="ros2", library=f"skydiver_utc {LIBRARY_IDENTIFIER}")
-        self._mcap.flush()
-
-    def take(self, pending: deque[_Message]) -> None:
-        """Move everything that is queued into the file, down to the operating system."""
-        count = len(pending)
-        # All that are known, so that also a silent topic is in what a killed recorder leaves.
-        self._register(len(self._topics))
-        taken_bytes = 0
-        for _ in range(count):
-            message = pending.popleft()
-            taken_bytes += len(message.cdr)
-            self._add(self._topics[message.channel_id - 1], message)
-        self._mcap.flush()
-        self.taken_bytes += taken_bytes
-        self.flushed_at_s = time.monotonic()
-
-    def finish(self) -> None:
-        """Write the index and the footer."""
-        self._register(len(self._topics))
-        self._mcap.finish()
-
-    def summaries(self) -> list[TopicSummary]:
-        return [
-            TopicSummary(each.name, each.type_name, each.type_hash, each.qos_profiles, each.message_count)
-            for each in self._topics
-        ]
-
-    def _add(self, topic: _Topic, message: _Message) -> None:
-        log_time = message.log_time_ns
-        self._mcap.add_message(
-            topic.mcap_channel,
-            log_time=log_time,
-            data=message.cdr,
-            publish_time=message.publish_time_ns,
-            sequence=topic.message_count & _SEQUENCE_MASK,
-        )
-        topic.message_count += 1
-        first, last = self.log_span_ns or (log_time, log_time)
-        self.log_span_ns = (min(first, log_time), max(last, log_time))
-
-    def _register(self, count: int) -> None:
-        """Make sure that the first `count` topics have their channels in the file."""
-        while self._registered < count:
-            topic = self._topics[self._registered]
-            key = (topic.type_name, topic.schema_text)
-            if key not in self._schemas:
-                text = topic.schema_text.encode()
-                self._schemas[key] = self._mcap.register_schema(topic.type_name, "ros2msg", text)
-            topic.mcap_channel = self._mcap.register_channel(
-                topic.name,
-                "cdr",
-                self._schemas[key],
-                {"offered_qos_profiles": topic.qos_profiles_yaml, "topic_type_hash": topic.type_hash},
-            )
-            self._registered += 1
 
 
 def _create_bag(folder: Path, mcap_path: Path) -> BinaryIO:
