@@ -10,11 +10,12 @@ STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help install demo test lint bench bench-tools study paper clean
+.PHONY: help install demo test kills lint bench bench-tools study paper clean
 
 help:
 	@echo "make demo      fly SCENARIO ($(SCENARIO)) over ROS and record it below bags/"
 	@echo "make test      all tests; ARGS=... goes to pytest"
+	@echo "make kills     kill the recorder 20 times in flight, count what is recovered"
 	@echo "make lint      ruff and mypy"
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
 	@echo "make study     fly 500 random tunings again, into docs/paper; some twenty minutes"
@@ -29,6 +30,9 @@ demo: $(STAMP)
 
 test: $(STAMP)
 	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/pytest $(ARGS)
+
+kills: $(STAMP)
+	SKYDIVER_UTC_KILLS=20 $(VENV)/bin/pytest -q test/test_nodes_recovery.py $(ARGS)
 
 lint: $(STAMP)
 	$(VENV)/bin/ruff check

@@ -19,6 +19,14 @@ exit code
 """
 
 
+_CHECK_EXIT_CODES = """\b
+exit code of --check
+    0  every command is the recorded one
+    1  some are not
+    2  the input is wrong: one sentence says what to do
+"""
+
+
 class Verbs(click.Group):
     """Turns the errors of bad input into one sentence; any other error is a fault of the program."""
 
@@ -145,6 +153,74 @@ def analyse(run_folder: str, as_json: bool) -> None:
     from skydiver_utc.verbs.analyse import analyse as look
 
     look(Path(run_folder), as_json)
+
+
+@main.command(short_help="Make a whole bag of a recording that was cut short.")
+@click.argument("run_folder", metavar="RUN")
+@click.option("--out", metavar="FOLDER", help="The new folder, instead of RUN_recovered.")
+@_json
+def recover(run_folder: str, out: str | None, as_json: bool) -> None:
+    """Make a whole bag of the recording RUN, whose recorder was killed or whose file is damaged.
+
+    Everything that can be read goes into a new run folder; RUN stays as it is. A recorder that was killed leaves
+    all but about its last half second. A bag that is whole is told so, and nothing is written.
+    """
+    from skydiver_utc.verbs.recover import recover as save
+
+    save(Path(run_folder), Path(out) if out else None, as_json)
+
+
+@main.command(epilog=_CHECK_EXIT_CODES, short_help="Play a recorded run again, or check its controller.")
+@click.argument("run_folder", metavar="RUN")
+@click.option("--rate", default=1.0, show_default=True, help="Speed, in simulated seconds per second.")
+@click.option("--start", default=0.0, metavar="S", help="Begin this many seconds after the first message.")
+@click.option("--loop", is_flag=True, help="Begin again at the end, until interrupted.")
+@click.option(
+    "--paused", is_flag=True, help="Wait for the space bar, or the service, before the first message."
+)
+@click.option("--topics", metavar="NAME,...", help="Only these topics, and /clock; state is /skydiver/state.")
+@click.option("--check", is_flag=True, help="Compare the controller's answers with the recorded commands.")
+@click.option(
+    "--controller", metavar="SCENARIO", help="With --check: ask this scenario's controller instead of RUN's."
+)
+@_settings
+@click.option("--figure", metavar="FILE.png", help="With --check: draw both commands into this file.")
+@_json
+@_quiet
+def replay(
+    run_folder: str,
+    rate: float,
+    start: float,
+    loop: bool,
+    paused: bool,
+    topics: str | None,
+    check: bool,
+    controller: str | None,
+    settings: tuple[str, ...],
+    figure: str | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Play the recorded run RUN again over ROS 2, or check its controller.
+
+    Publishes the recorded messages in order, byte for byte, with /clock, on ROS_DOMAIN_ID (0 unless set) of this
+    machine. The space bar pauses and goes on, and so does the service /player/pause (std_srvs/SetBool).
+
+    --check plays nothing and needs no ROS: it feeds the recorded states and reference to the controller of the
+    recorded scenario and tells the first command that is not the recorded one, bit for bit. With --controller or
+    --set it asks another controller what it would have done at these states.
+    """
+    if check:
+        from skydiver_utc.verbs.check import check as ask
+
+        path = Path(figure) if figure else None
+        raise SystemExit(ask(Path(run_folder), controller, settings, path, as_json))
+    if controller or settings or figure or as_json:
+        raise click.UsageError("--controller, --set, --figure and --json go with --check")
+    from skydiver_utc.verbs.replay import replay as play
+
+    names = [name for name in (topics or "").split(",") if name]
+    raise SystemExit(play(Path(run_folder), rate, start, loop, paused, names, quiet))
 
 
 @main.group()

@@ -19,7 +19,7 @@ from skydiver_utc.nodes.node_parameters import OWN_PARAMETERS
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "skydiver_utc"
 NODES = ("plant_node", "reference_node", "controller_node", "recorder_node")
-ROS = ("rclpy", "builtin_interfaces", "rosgraph_msgs", "rcl_interfaces")
+ROS = ("rclpy", "builtin_interfaces", "rosgraph_msgs", "rcl_interfaces", "std_srvs")
 
 
 def architecture() -> dict[str, set[str]]:

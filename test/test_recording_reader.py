@@ -467,7 +467,7 @@ def test_topic_without_messages(tmp_path):
 def test_recording_that_was_cut_short(bag, tmp_path, kept):
     data = (bag / "flight_0.mcap").read_bytes()
     (tmp_path / "flight_0.mcap").write_bytes(data[: kept if isinstance(kept, int) else int(kept * len(data))])
-    with pytest.raises(RecordingError, match=r"has no end.*mcap recover") as error:
+    with pytest.raises(RecordingError, match=r"has no end.*skydiver-utc recover") as error:
         read_bag(tmp_path)
     one_sentence(error)
 

@@ -35,7 +35,7 @@ from skydiver_utc.parameters import ConstantReference, RotationReference, SineRe
 from skydiver_utc.simulation.flight import Flight
 from skydiver_utc.simulation.outcome import Outcome
 
-_CONTROLS = (
+CONTROLS = (
     ("yaw damping\n$C_{m,damp}$ [1]", GREEN),
     ("right hand\n$k_{right}$ [1]", VERMILLION),
     ("left hand\n$k_{left}$ [1]", PURPLE),
@@ -62,7 +62,7 @@ def tracking_figure(flight: Flight) -> Figure:
         if not isinstance(flight.scenario.reference, SineReference | ConstantReference):
             panels.append((1.6, lambda axes: _draw_angle(axes, flight)))
         controls = len(panels)
-        panels += [(1.0, partial(_draw_control, flight=flight, j=j)) for j in range(len(_CONTROLS))]
+        panels += [(1.0, partial(_draw_control, flight=flight, j=j)) for j in range(len(CONTROLS))]
         heights = [height for height, _ in panels]
         rows = figure.subplots(
             len(panels), 1, sharex=True, gridspec_kw={"height_ratios": heights, "hspace": 0.19}
@@ -155,7 +155,7 @@ def _draw_error(
 
 
 def _draw_control(axes: Axes, flight: Flight, j: int) -> None:
-    label, colour = _CONTROLS[j]
+    label, colour = CONTROLS[j]
     time = flight.time_s[:-1]
     lower = flight.scenario.plant.limits.minimum[j]
     upper = flight.scenario.plant.limits.maximum[j]

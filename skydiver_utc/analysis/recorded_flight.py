@@ -17,8 +17,8 @@ from skydiver_utc.recording.reader import RecordedTopic, read_bag
 from skydiver_utc.simulation.flight import Flight
 from skydiver_utc.simulation.outcome import Outcome
 
+CONTROL_NAMES = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
 _NAMESPACE = "/skydiver"
-_CONTROL_NAMES = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
 # What the controller node adds to the controller's own telemetry.
 _SOLVE_TIME, _STATUS = "solve_time", "status"
 
@@ -34,7 +34,7 @@ def read_flight(path: Path | str) -> Flight:
     wall time. A step missing in between raises `AnalysisError`, what is not a bag `RecordingError`.
     Telemetry is not asked for: a step without it is NaN.
     """
-    return _RecordedFlight(Path(path)).flight()
+    return RecordedFlight(Path(path)).flight()
 
 
 class _Rows(NamedTuple):
@@ -50,19 +50,22 @@ class _Rows(NamedTuple):
         return int(steps[-1]) if len(steps) else -1
 
 
-class _RecordedFlight:
+class RecordedFlight:
+    """A recording that is asked for more than its flight."""
+
     def __init__(self, path: Path) -> None:
         self._path = path
         self._topics: Topics = read_bag(path)
-        self._scenario = self._read_scenario()
+        self.scenario = self._read_scenario()
 
     def flight(self) -> Flight:
+        """What `read_flight` gives."""
         outcome, reason, wall_time_s = self._ending()
         states = self._rows("state", 13, _state)
         commands = self._rows("command", 4, _controls)
         applied = self._rows("applied_command", 4, _controls)
         reference = self._reference()
-        steps = self._scenario.steps
+        steps = self.scenario.steps
         if outcome not in FLOWN_TO_ITS_END:
             steps = max(0, min(states.last, commands.last + 1, applied.last + 1, reference.last))
         self._refuse_gaps("state", states, steps + 1)
@@ -71,7 +74,7 @@ class _RecordedFlight:
         self._refuse_gaps("applied_command", applied, steps)
         names, telemetry, solve_time_s, status = self._telemetry(steps)
         return Flight(
-            scenario=self._scenario,
+            scenario=self.scenario,
             states=states.values[: steps + 1],
             commands=commands.values[:steps],
             applied=applied.values[:steps],
@@ -82,9 +85,19 @@ class _RecordedFlight:
             status=status,
             outcome=outcome,
             reason=reason
-            or f"the recording has no outcome, it ends after {steps} of {self._scenario.steps} steps",
+            or f"the recording has no outcome, it ends after {steps} of {self.scenario.steps} steps",
             wall_time_s=wall_time_s,
         )
+
+    def previews(self, count: int) -> Floats:
+        """The reference (count,) of the first steps as the previews told it, the newest one counts; NaN without."""
+        values = np.full(count, np.nan)
+        field = "positions" if self.scenario.reference.signal == "alpha" else "velocities"
+        for message in self._messages("reference"):
+            first = self._step_of("reference", message.header.stamp)
+            given = [getattr(point, field)[0] for point in message.points[: max(0, count - first)]]
+            values[first : first + len(given)] = given
+        return values
 
     def _messages(self, name: str) -> list[Any]:
         topic = self._topics.get(f"{_NAMESPACE}/{name}")
@@ -123,7 +136,7 @@ class _RecordedFlight:
 
     def _rows(self, name: str, width: int, values_of: Callable[[Any], Any]) -> _Rows:
         rows = _Rows(
-            np.full((self._scenario.steps + 1, width), np.nan), np.zeros(self._scenario.steps + 1, np.bool_)
+            np.full((self.scenario.steps + 1, width), np.nan), np.zeros(self.scenario.steps + 1, np.bool_)
         )
         for message in self._messages(name):
             k = self._step_of(name, message.header.stamp)
@@ -140,19 +153,19 @@ class _RecordedFlight:
         return rows
 
     def _step_of(self, name: str, stamp: Any) -> int:
-        after_ns = stamp.sec * 1_000_000_000 + stamp.nanosec - self._scenario.stamp_ns(0)
-        k, rest = divmod(after_ns, self._scenario.dt_ns)
-        if rest or not 0 <= k <= self._scenario.steps:
+        after_ns = stamp.sec * 1_000_000_000 + stamp.nanosec - self.scenario.stamp_ns(0)
+        k, rest = divmod(after_ns, self.scenario.dt_ns)
+        if rest or not 0 <= k <= self.scenario.steps:
             raise AnalysisError(
                 f"{_NAMESPACE}/{name} in {self._path} has a message {after_ns} ns after the start, which is"
-                f" none of the {self._scenario.steps} steps of {self._scenario.dt_ns} ns: fly with one"
+                f" none of the {self.scenario.steps} steps of {self.scenario.dt_ns} ns: fly with one"
                 " scenario in all nodes"
             )
         return int(k)
 
     def _reference(self) -> _Rows:
         """The setpoints; a step without one is taken from the previews."""
-        signal = self._scenario.reference.signal
+        signal = self.scenario.reference.signal
         axis = {"yaw_rate": "z", "pitch_rate": "y"}.get(signal, "")
         field = "velocities" if axis else "positions"
         rows = self._rows("reference/setpoint", 1, lambda message: (getattr(message.twist.angular, axis),))
@@ -160,7 +173,7 @@ class _RecordedFlight:
             return rows
         for message in self._messages("reference"):
             first = self._step_of("reference", message.header.stamp)
-            points = message.points[: self._scenario.steps + 1 - first]
+            points = message.points[: self.scenario.steps + 1 - first]
             for k, point in enumerate(points, first):
                 if not rows.present[k]:
                     rows.values[k] = getattr(point, field)[0]
@@ -204,4 +217,4 @@ def _state(odometry: Any) -> tuple[float, ...]:
 
 def _controls(joint_state: Any) -> Any:
     """The four controls, None where they are not named as they should be."""
-    return joint_state.position if tuple(joint_state.name) == _CONTROL_NAMES else None
+    return joint_state.position if tuple(joint_state.name) == CONTROL_NAMES else None

@@ -30,10 +30,14 @@ from skydiver_utc.recording.writer import BagWriter
 
 _POLL_S = 0.02
 _DEPTH = 2000
-_FLUSH_INTERVAL_S = 0.5
+_FLUSH_INTERVAL_S = 0.25  # a killed recorder loses this, the poll and the writing: well below half a second
 _PATIENCE_S = 5.0
 _QUIET_S = 0.1
 _OUTCOME_S = 1.0  # the outcome of a flight that is being stopped together with its recorder
+_SLOW_DISK_S = 2.0
+_MOST_WAITING_BYTES = (
+    256 * 1024**2
+)  # some minutes of flight; beyond that a disk that stands still costs messages
 _REPAIR_S = 5.0  # lost messages: the sender offers them again within three seconds
 
 
@@ -70,7 +74,8 @@ class _Message(NamedTuple):
 class RecorderNode(ScenarioNode):
     """Polls its subscriptions, writes what came, and tells the plant when it hears every topic.
 
-    It has finished when it has recorded a flight's outcome.
+    It has finished when it has heard a flight's outcome. A recording that cannot go on, on a full disk, never stops
+    a flight: `failure` says why, the messages are dropped, and the exit code is 1.
     """
 
     def __init__(self, context: Context | None = None, overrides: Mapping[str, object] | None = None) -> None:
@@ -79,15 +84,19 @@ class RecorderNode(ScenarioNode):
         self._started_at_ns = time.time_ns()
         self._flight_states: int | None = None  # how many the plant sent, told by its outcome
         self._now_ns = self.scenario.stamp_ns(0)
-        self._bag = BagWriter(self.folder, _FLUSH_INTERVAL_S)
+        self.failure = ""
+        self._disk_is_slow = False
+        self._wrong_types: set[tuple[str, str]] = set()
+        self._bag = BagWriter(self.folder, _FLUSH_INTERVAL_S, _MOST_WAITING_BYTES)
         self._write_beside("scenario.yaml", to_yaml(self.scenario))
         self._write_beside("versions.json", json.dumps(versions(), indent=2) + "\n")
         group = _Polled()
         self._channels = {topic: self._open_channel(topic, group) for topic in RECORDED}
         self._ready = self.advertise(topics.RECORDER_READY)
+        self._told_ready = False
         self._poll = self.every(_POLL_S, self._drain_each_poll)
         self._startup = self.every(_POLL_S, self._tell_when_ready)
-        self._patience = self.every(_PATIENCE_S, self._say_what_is_missing)
+        self.every(_PATIENCE_S, self._say_what_is_missing)
         self.get_logger().info(f"recording into {self.folder}")
 
     def drain(self) -> int:
@@ -96,8 +105,11 @@ class RecorderNode(ScenarioNode):
         for channel in self._channels.values():
             messages.extend(self._take_all(channel))
         messages.sort(key=lambda message: message.log_time_ns)
-        for message in messages:
-            self._bag.write(message.channel_id, message.data, message.log_time_ns, message.publish_time_ns)
+        if not self.failure:
+            try:
+                self._write(messages)
+            except RecordingError as error:
+                self._fail(error)
         return len(messages)
 
     def close(self) -> int:
@@ -105,12 +117,32 @@ class RecorderNode(ScenarioNode):
         try:
             self._drain_the_rest()
         finally:
-            self._bag.close()
+            try:
+                self._bag.close()
+            except RecordingError as error:
+                self._fail(error)
         for sentence in self.missing():
             self.get_logger().warning(sentence)
+        if self._bag.dropped:
+            self.get_logger().error(f"the disk was too slow: {self._bag.dropped} messages are not in the bag")
+        if self.failure:
+            self.get_logger().error(self.failure)
+            return super().close() or 1
         written = sum(channel.count for channel in self._channels.values())
         self.get_logger().info(f"recorded {written} messages into {self.folder}")
         return super().close()
+
+    def _write(self, messages: list[_Message]) -> None:
+        by_id = {channel.id: channel for channel in self._channels.values()}
+        for message in messages:
+            channel_id, data = message.channel_id, message.data
+            if self._bag.write(channel_id, data, message.log_time_ns, message.publish_time_ns):
+                by_id[channel_id].count += 1
+
+    def _fail(self, error: RecordingError) -> None:
+        """Go on without a recording; told once."""
+        self.failure = str(error)
+        self.get_logger().error(f"{self.failure} The flight goes on without a recording.")
 
     def _drain_the_rest(self) -> None:
         began = time.monotonic()
@@ -119,7 +151,7 @@ class RecorderNode(ScenarioNode):
             quiet = self.drain() == 0
             in_flight = self._flight_states is None and self._channels[topics.STATE].count > 0
             patience_s = _OUTCOME_S if in_flight else _REPAIR_S
-            complete = not in_flight and not self.missing()
+            complete = self.failure or (not in_flight and not self.missing())
             if (quiet and complete) or time.monotonic() - began > patience_s:
                 return
 
@@ -142,6 +174,16 @@ class RecorderNode(ScenarioNode):
 
     def _drain_each_poll(self) -> None:
         self.drain()
+        slow = self._bag.behind_s > _SLOW_DISK_S and not self.failure
+        if slow and not self._disk_is_slow:
+            size = self._bag.waiting_bytes / 1024**2
+            self.get_logger().warning(
+                f"the disk is slow: it has taken nothing for {self._bag.behind_s:.1f} s and {size:.1f} MB wait;"
+                " the flight goes on"
+            )
+        elif self._disk_is_slow and self._bag.behind_s == 0.0:
+            self.get_logger().info("the disk has caught up")
+        self._disk_is_slow = slow or (self._disk_is_slow and self._bag.behind_s > 0.0)
 
     def _take_all(self, channel: _Channel) -> list[_Message]:
         handle = channel.subscription.handle
@@ -151,7 +193,6 @@ class RecorderNode(ScenarioNode):
                 data, info = taken
                 sent_at_ns = info["source_timestamp"]
                 messages.append(_Message(self._log_time_ns(channel, data), channel.id, data, sent_at_ns))
-        channel.count += len(messages)
         if messages and channel.topic is topics.OUTCOME:
             self._note_outcome(messages[-1])
         return messages
@@ -196,12 +237,25 @@ class RecorderNode(ScenarioNode):
     def _tell_when_ready(self) -> None:
         if not self._unheard():
             self.destroy_timer(self._startup)
-            self.destroy_timer(self._patience)
+            self._told_ready = True
             self._ready.publish(String(data=str(self.folder)))
             self.get_logger().info("ready")
 
     def _say_what_is_missing(self) -> None:
-        self.get_logger().warning(f"waiting for publishers of {', '.join(self._unheard())}")
+        if not self._told_ready and (unheard := self._unheard()):
+            self.get_logger().warning(f"waiting for publishers of {', '.join(unheard)}")
+        for topic, channel in self._channels.items():
+            for publisher in self.get_publishers_info_by_topic(channel.subscription.topic_name):
+                self._note_type(topic, publisher.topic_type, publisher.node_name)
+
+    def _note_type(self, topic: Topic, type_name: str, node: str) -> None:
+        """Say once for each topic and wrong type that its messages cannot be recorded."""
+        if type_name != topic.type_name and (topic.name, type_name) not in self._wrong_types:
+            self._wrong_types.add((topic.name, type_name))
+            self.get_logger().error(
+                f"the node {node} publishes {topic.name} as {type_name}, not as {topic.type_name}: its messages are"
+                " not recorded"
+            )
 
     def _unheard(self) -> list[str]:
         channels = self._channels.items()

@@ -17,6 +17,7 @@ _NODES = {
     "reference": ("preview_publisher", "ReferenceNode"),
     "controller": ("lockstep_controller", "ControllerNode"),
     "recorder": ("bag_recorder", "RecorderNode"),
+    "player": ("bag_player", "PlayerNode"),
 }
 _REFUSED = 2
 _WAKE_UP_S = 0.1

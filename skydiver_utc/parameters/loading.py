@@ -61,13 +61,12 @@ def load_scenario(name_or_path: str, overrides: Mapping[str, object] | None = No
     dotted names ("controller.horizon_steps") to values. Raises `ParameterError`.
     """
     path = _scenario_path(name_or_path)
-    raw = _read_extended(path, seen=())
-    resolved = _resolve_names(raw)
-    for name, value in (overrides or {}).items():
-        _override(resolved, name, value)
-        # Now, so that the next one can reach into what this one named.
-        resolved = _resolve_names(resolved)
-    return _convert(resolved, origin=name_or_path)
+    return _overridden(_read_extended(path, seen=()), overrides or {}, origin=name_or_path)
+
+
+def override(scenario: Scenario, overrides: Mapping[str, object]) -> Scenario:
+    """The scenario with other values under these dotted names, checked again. Raises `ParameterError`."""
+    return _overridden(msgspec.to_builtins(scenario), overrides, origin=scenario.name)
 
 
 def to_yaml(scenario: Scenario) -> str:
@@ -143,6 +142,15 @@ def _named_path(field: str, name: str) -> Path:
             f"there is no {field} {name!r}: choose one of {known}, or give the path of a YAML file"
         )
     return path
+
+
+def _overridden(content: dict[str, Any], overrides: Mapping[str, object], origin: str) -> Scenario:
+    resolved = _resolve_names(content)
+    for name, value in overrides.items():
+        _override(resolved, name, value)
+        # Now, so that the next one can reach into what this one named.
+        resolved = _resolve_names(resolved)
+    return _convert(resolved, origin)
 
 
 def _override(content: dict[str, Any], name: str, value: object) -> None:

@@ -1,35 +1,24 @@
 """Reads recordings: rosbag2 bag folders with MCAP files, or bare MCAP files, without ROS."""
 
-import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, McapRecord, Message, Schema, Statistics
-from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from mcap.records import Channel, Schema, Statistics
+from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
-from zstandard import ZstdError
 
 from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.metadata import mcap_files
+from skydiver_utc.recording.records import DAMAGE, MAGIC, parts
 
-_MAGIC = b"\x89MCAP0\r\n"
-_RECORD_HEADER = struct.Struct("<BQ")  # opcode, length
-_MESSAGE_HEADER = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _ENCAPSULATION_LENGTH = 4
-
-# What the libraries raise on bytes that are not what they should be (RuntimeError is lz4's).
-_DAMAGE = (McapError, ValueError, RuntimeError, LookupError, struct.error, ZstdError)
 
 Definitions = frozenset[tuple[str, str]]  # of (type name, ros2msg text)
 
@@ -44,6 +33,8 @@ class RecordedTopic:
     log_times_ns: NDArray[np.int64]
     publish_times_ns: NDArray[np.int64]
     definitions: Definitions = field(repr=False)
+    type_hash: str = ""  # RIHS01, empty where the bag does not tell
+    qos_profiles_yaml: str = field(default="", repr=False)  # as offered when it was recorded
 
     def __len__(self) -> int:
         return len(self.cdr)
@@ -53,7 +44,7 @@ class RecordedTopic:
         """The messages with the fields of their ROS type, decoded when first asked for."""
         try:
             return list(_decode(self.cdr, self.type_name, _typestore(self.definitions)))
-        except (*_DAMAGE, SerdeError, TypesysError) as error:
+        except (*DAMAGE, SerdeError, TypesysError) as error:
             raise RecordingError(
                 f"The messages of {self.name} do not fit the definition of {self.type_name} in the bag"
                 f" ({error}): leave this topic out, or record again."
@@ -69,7 +60,7 @@ def read_bag(path: Path | str, topics: Iterable[str] | None = None) -> dict[str,
     """
     contents = _Contents(None if topics is None else set(topics))
     path = Path(path)
-    for file in _files(path):
+    for file in bag_files(path):
         contents.add(file)
     if contents.message_count == 0:
         raise RecordingError(f"{path} holds no messages: record the flight again.")
@@ -80,7 +71,8 @@ def read_bag(path: Path | str, topics: Iterable[str] | None = None) -> dict[str,
     return recorded
 
 
-def _files(path: Path) -> list[Path]:
+def bag_files(path: Path) -> list[Path]:
+    """The .mcap files of a bag folder, or the file itself."""
     if not path.exists():
         raise RecordingError(f"{path} does not exist: give the folder of a recording or its .mcap file.")
     files = mcap_files(path) if path.is_dir() else [path]
@@ -97,6 +89,8 @@ class _Column:
     """The growing content of one topic."""
 
     type_name: str
+    type_hash: str
+    qos_profiles_yaml: str
     log_times_ns: list[int] = field(default_factory=list)
     publish_times_ns: list[int] = field(default_factory=list)
     cdr: list[bytes] = field(default_factory=list)
@@ -122,6 +116,8 @@ class _Contents:
                 np.array(column.log_times_ns, dtype=np.int64),
                 np.array(column.publish_times_ns, dtype=np.int64),
                 definitions,
+                column.type_hash,
+                column.qos_profiles_yaml,
             )
             for name, column in self._columns.items()
         }
@@ -133,10 +129,9 @@ class _Contents:
                 self._add_records(stream)
         except OSError as error:
             raise RecordingError(f"{path} cannot be read ({error.strerror}): check that you may.") from error
-        except _DAMAGE as error:
+        except DAMAGE as error:
             raise RecordingError(
-                f"{path} is damaged ({error}): save what is whole with `mcap recover {path} -o REPAIRED.mcap`"
-                " (https://mcap.dev) and read that."
+                f"{path} is damaged ({error}): save what is whole with `skydiver-utc recover {path}` and read that."
             ) from error
 
     def _add_records(self, stream: BinaryIO) -> None:
@@ -145,7 +140,7 @@ class _Contents:
         columns: dict[int, _Column | None] = {}
         found = 0
         for record in StreamReader(stream, emit_chunks=True).records:
-            for part in _parts(record):
+            for part in parts(record):
                 if isinstance(part, tuple):
                     channel_id, log_time, publish_time, cdr = part
                     found += 1
@@ -173,7 +168,9 @@ class _Contents:
                 " topics that you want by name, without it."
             )
         self._definitions.add((schema.name, schema.data.decode()))
-        column = self._columns.setdefault(channel.topic, _Column(schema.name))
+        told = channel.metadata
+        new = _Column(schema.name, told.get("topic_type_hash", ""), told.get("offered_qos_profiles", ""))
+        column = self._columns.setdefault(channel.topic, new)
         if column.type_name != schema.name:
             raise RecordingError(
                 f"The topic {channel.topic} has two types, {column.type_name} and {schema.name}: ask for the"
@@ -184,46 +181,16 @@ class _Contents:
 
 def _check_whole(path: Path, stream: BinaryIO) -> None:
     """Refuse what is no MCAP file, and one without its end."""
-    if stream.read(len(_MAGIC)) != _MAGIC:
+    if stream.read(len(MAGIC)) != MAGIC:
         raise RecordingError(f"{path} is not an MCAP file: give the folder of a recording or its .mcap file.")
     size = path.stat().st_size
-    stream.seek(max(size - len(_MAGIC), len(_MAGIC)))
-    if stream.read() != _MAGIC:
+    stream.seek(max(size - len(MAGIC), len(MAGIC)))
+    if stream.read() != MAGIC:
         raise RecordingError(
             f"{path} has no end, it is still being recorded or its recorder was killed: save what is there"
-            f" with `mcap recover {path} -o REPAIRED.mcap` (https://mcap.dev) and read that."
+            f" with `skydiver-utc recover {path}` and read that."
         )
     stream.seek(0)
-
-
-_RawMessage = tuple[int, int, int, bytes]  # channel id, log time, publish time, serialized message
-
-
-def _parts(record: McapRecord) -> Iterator[McapRecord | _RawMessage]:
-    """The records of a chunk, or the record itself; messages as tuples, a third of the library's time."""
-    if isinstance(record, Chunk):
-        yield from _parts_of_chunk(record)
-    elif isinstance(record, Message):
-        yield record.channel_id, record.log_time, record.publish_time, record.data
-    else:
-        yield record
-
-
-def _parts_of_chunk(chunk: Chunk) -> Iterator[McapRecord | _RawMessage]:
-    stream, length = get_chunk_data_stream(chunk, validate_crc=True)
-    data = stream.read(length)
-    position = 0
-    while position < length:
-        opcode, size = _RECORD_HEADER.unpack_from(data, position)
-        start = position + _RECORD_HEADER.size
-        position = start + size
-        if opcode == Opcode.MESSAGE:
-            channel_id, _, log_time, publish_time = _MESSAGE_HEADER.unpack_from(data, start)
-            yield channel_id, log_time, publish_time, data[start + _MESSAGE_HEADER.size : position]
-        elif opcode == Opcode.SCHEMA:
-            yield Schema.read(ReadDataStream(BytesIO(data[start:position])))
-        elif opcode == Opcode.CHANNEL:
-            yield Channel.read(ReadDataStream(BytesIO(data[start:position])))
 
 
 @lru_cache(maxsize=8)

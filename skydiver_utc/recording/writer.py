@@ -1,51 +1,31 @@
 """Writes serialized ROS 2 messages into a rosbag2 bag folder: `metadata.yaml` and one MCAP file."""
 
 import atexit
+import math
 import operator
 import os
 import threading
+import time
 from collections import deque
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, NamedTuple
+from typing import BinaryIO
 
-from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
+from mcap.writer import CompressionType, Writer
 
 from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.message_store import MessageStore, QueuedMessage, StoredTopic
 from skydiver_utc.recording.metadata import (
     METADATA_FILE,
-    TopicSummary,
     metadata_yaml,
     parse_qos_profiles,
     write_whole,
 )
 
 _LATEST_NS = 2**63 - 1  # times are signed 64-bit in rosbag2
-_SEQUENCE_MASK = 2**32 - 1
-
 # LZ4 makes a flight four times smaller for 0.2 ms of the 1.6 ms that a flush takes every half second, and the
 # readers of MCAP bring it; zstd takes 1 ms for another sixth.
 _COMPRESSION = CompressionType.LZ4
-
-
-class _Message(NamedTuple):
-    channel_id: int
-    cdr: bytes
-    log_time_ns: int
-    publish_time_ns: int
-
-
-@dataclass
-class _Topic:
-    name: str
-    type_name: str
-    schema_text: str
-    type_hash: str
-    qos_profiles_yaml: str
-    qos_profiles: list[dict[str, Any]]
-    mcap_channel: int = 0
-    message_count: int = 0
 
 
 class BagWriter:
@@ -61,17 +41,26 @@ class BagWriter:
     `close`, but not by a kill, closes the bag on its way out.
     """
 
-    def __init__(self, folder: Path, flush_interval_s: float = 0.5) -> None:
-        """Create the folder, and its parents where missing; a folder that exists raises `RecordingError`."""
+    def __init__(
+        self, folder: Path, flush_interval_s: float = 0.5, most_waiting_bytes: int | None = None
+    ) -> None:
+        """Create the folder, and its parents where missing; a folder that exists raises `RecordingError`.
+
+        While more than `most_waiting_bytes` wait for a disk that is slow, further messages are dropped and counted
+        in `dropped`; without that number none ever is.
+        """
         if not flush_interval_s > 0.0:
             raise RecordingError(f"A flush interval of {flush_interval_s} s cannot be: give one above 0 s.")
         self.folder = Path(folder)
         self.mcap_path = self.folder / f"{self.folder.name}_0.mcap"
+        self.dropped = 0
         self._flush_interval_s = flush_interval_s
+        self._most_waiting_bytes = math.inf if most_waiting_bytes is None else most_waiting_bytes
+        self._queued_bytes = 0
         self._file = _create_bag(self.folder, self.mcap_path)
-        self._topics: list[_Topic] = []
-        self._store = _Store(Writer(self._file, compression=_COMPRESSION), self._topics)
-        self._pending: deque[_Message] = deque()
+        self._topics: list[StoredTopic] = []
+        self._store = MessageStore(Writer(self._file, compression=_COMPRESSION), self._topics)
+        self._pending: deque[QueuedMessage] = deque()
         self._failure: Exception | None = None
         self._failure_told = False
         self._closing = threading.Event()
@@ -91,11 +80,16 @@ class BagWriter:
         if any(known.name == topic for known in self._topics):
             raise RecordingError(f"The topic {topic} is in the bag already: add each topic once.")
         profiles = parse_qos_profiles(qos_profiles_yaml)
-        self._topics.append(_Topic(topic, type_name, schema_text, type_hash, qos_profiles_yaml, profiles))
+        self._topics.append(
+            StoredTopic(topic, type_name, schema_text, type_hash, qos_profiles_yaml, profiles)
+        )
         return len(self._topics)
 
-    def write(self, channel_id: int, cdr: bytes, log_time_ns: int, publish_time_ns: int) -> None:
-        """Queue a serialized message and its times in ns; sequence numbers count from 0 on each channel."""
+    def write(self, channel_id: int, cdr: bytes, log_time_ns: int, publish_time_ns: int) -> bool:
+        """Queue a serialized message and its times in ns; sequence numbers count from 0 on each channel.
+
+        False when it was dropped.
+        """
         self._check_open()
         if not 1 <= channel_id <= len(self._topics):
             raise RecordingError(f"There is no channel {channel_id}: use the number that add_topic returned.")
@@ -104,7 +98,23 @@ class BagWriter:
             raise RecordingError(
                 f"The times {log_time_ns} and {publish_time_ns} cannot be stored: give ns, 0 to {_LATEST_NS}."
             )
-        self._pending.append(_Message(channel_id, bytes(cdr), log_time_ns, publish_time_ns))
+        if self.waiting_bytes + len(cdr) > self._most_waiting_bytes:
+            self.dropped += 1
+            return False
+        self._queued_bytes += len(cdr)
+        self._pending.append(QueuedMessage(channel_id, bytes(cdr), log_time_ns, publish_time_ns))
+        return True
+
+    @property
+    def waiting_bytes(self) -> int:
+        """Bytes of the messages that are queued and not yet handed to the operating system."""
+        return self._queued_bytes - self._store.taken_bytes
+
+    @property
+    def behind_s(self) -> float:
+        """How long ago the disk took something last, beyond the flush interval; 0 while nothing waits."""
+        late_s = time.monotonic() - self._store.flushed_at_s - self._flush_interval_s
+        return max(0.0, late_s) if self.waiting_bytes else 0.0
 
     def close(self) -> None:
         """Write what is queued, the index and `metadata.yaml`; a second call does nothing."""
@@ -134,7 +144,7 @@ class BagWriter:
         reason = getattr(self._failure, "strerror", None) or repr(self._failure)
         raise RecordingError(
             f"The recording stopped, {self.folder} cannot be written to ({reason}): make room or choose"
-            " another folder, and record again."
+            f" another folder; `skydiver-utc recover {self.folder}` saves what is there."
         ) from self._failure
 
     def _record(self) -> None:
@@ -152,70 +162,6 @@ class BagWriter:
             write_whole(self.folder / METADATA_FILE, text)
         except Exception as error:  # kept for the caller, who would not see how a thread ends
             self._failure = error
-
-
-class _Store:
-    """The part that only the recording thread touches: the MCAP file and the statistics of what is in it."""
-
-    def __init__(self, mcap: Writer, topics: list[_Topic]) -> None:
-        self._mcap = mcap
-        self._topics = topics
-        self._registered = 0
-        self._schemas: dict[tuple[str, str], int] = {}
-        self.log_span_ns: tuple[int, int] | None = None
-
-    def start(self) -> None:
-        """Write the header."""
-        self._mcap.start(profile="ros2", library=f"skydiver_utc {LIBRARY_IDENTIFIER}")
-        self._mcap.flush()
-
-    def take(self, pending: deque[_Message]) -> None:
-        """Move everything that is queued into the file, down to the operating system."""
-        for _ in range(len(pending)):
-            message = pending.popleft()
-            self._register(message.channel_id)
-            self._add(self._topics[message.channel_id - 1], message)
-        self._mcap.flush()
-
-    def finish(self) -> None:
-        """Write the index and the footer."""
-        self._register(len(self._topics))
-        self._mcap.finish()
-
-    def summaries(self) -> list[TopicSummary]:
-        return [
-            TopicSummary(each.name, each.type_name, each.type_hash, each.qos_profiles, each.message_count)
-            for each in self._topics
-        ]
-
-    def _add(self, topic: _Topic, message: _Message) -> None:
-        log_time = message.log_time_ns
-        self._mcap.add_message(
-            topic.mcap_channel,
-            log_time=log_time,
-            data=message.cdr,
-            publish_time=message.publish_time_ns,
-            sequence=topic.message_count & _SEQUENCE_MASK,
-        )
-        topic.message_count += 1
-        first, last = self.log_span_ns or (log_time, log_time)
-        self.log_span_ns = (min(first, log_time), max(last, log_time))
-
-    def _register(self, count: int) -> None:
-        """Make sure that the first `count` topics have their channels in the file."""
-        while self._registered < count:
-            topic = self._topics[self._registered]
-            key = (topic.type_name, topic.schema_text)
-            if key not in self._schemas:
-                text = topic.schema_text.encode()
-                self._schemas[key] = self._mcap.register_schema(topic.type_name, "ros2msg", text)
-            topic.mcap_channel = self._mcap.register_channel(
-                topic.name,
-                "cdr",
-                self._schemas[key],
-                {"offered_qos_profiles": topic.qos_profiles_yaml, "topic_type_hash": topic.type_hash},
-            )
-            self._registered += 1
 
 
 def _create_bag(folder: Path, mcap_path: Path) -> BinaryIO:

@@ -19,9 +19,11 @@ from typing import IO, Any
 import skydiver_utc
 
 PLANT, REFERENCE, CONTROLLER, RECORDER = "plant", "reference", "controller", "recorder"
+PLAYER = "player"
+_REPORTING = (PLANT, PLAYER)  # their stdout is JSON lines
 
 # The plant tells how the flight ended while all others listen; the recorder hears everybody's last word.
-_ORDER_OF_ENDING = ((PLANT,), (CONTROLLER, REFERENCE), (RECORDER,))
+_ORDER_OF_ENDING = ((PLANT, PLAYER), (CONTROLLER, REFERENCE), (RECORDER,))
 _GRACE_S = 15.0
 _POLL_S = 0.1
 _LAST_LINES = 6
@@ -55,8 +57,8 @@ class NodeProcesses:
     def __exit__(self, *_: object) -> None:
         self.end()
 
-    def start(self, kind: str, parameters: Mapping[str, str | bool]) -> None:
-        """Start ``<kind>_node`` with these ROS parameters; the plant's stdout is kept for `reports`."""
+    def start(self, kind: str, parameters: Mapping[str, str | bool | float | list[str]]) -> None:
+        """Start ``<kind>_node`` with these ROS parameters; what it reports on stdout is kept for `reports`."""
         command = [sys.executable, "-c", NODE_CODE.format(kind=kind), "--ros-args"]
         for name, value in parameters.items():
             command += ["-p", f"{name}:={json.dumps(value)}"]
@@ -64,7 +66,7 @@ class NodeProcesses:
             process = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE if kind == PLANT else log,
+                stdout=subprocess.PIPE if kind in _REPORTING else log,
                 stderr=log,
                 env=self._environment,
                 # Ctrl-C in the terminal must reach the nodes one after the other, from here.
@@ -76,8 +78,13 @@ class NodeProcesses:
         if process.stdout is not None:
             threading.Thread(target=self._read, args=(process.stdout,), daemon=True).start()
 
+    def send(self, kind: str, number: signal.Signals) -> None:
+        """Send a signal to a node that still runs."""
+        if self._processes[kind].poll() is None:
+            self._processes[kind].send_signal(number)
+
     def reports(self) -> Iterator[dict[str, Any]]:
-        """What the plant has reported since the last call, after a short wait."""
+        """What was reported since the last call, after a short wait."""
         try:
             yield from _parsed(self._lines.get(timeout=_POLL_S))
             while True:
@@ -89,15 +96,20 @@ class NodeProcesses:
         """True when this node's process has ended and all that it printed has been read."""
         return self._processes[kind].poll() is not None and self._lines.empty()
 
-    def failed(self) -> str | None:
-        """A node, other than the plant, that has ended with an error; None while all is well."""
-        codes = {kind: process.poll() for kind, process in self._processes.items() if kind != PLANT}
+    def failed(self, *apart_from: str) -> str | None:
+        """A node, other than the plant and those named, that has ended with an error; None while all is well."""
+        others = (PLANT, *apart_from)
+        codes = {kind: process.poll() for kind, process in self._processes.items() if kind not in others}
         return next((kind for kind, code in codes.items() if code), None)
 
     def ending(self, kind: str) -> str:
         """How a node ended, in two words."""
         code = self._processes[kind].wait()
         return f"exit code {code}" if code >= 0 else f"signal {signal.Signals(-code).name}"
+
+    def has_said(self, kind: str, text: str) -> bool:
+        """True when a node has written this to its log."""
+        return text in self._log(kind).read_text(encoding="utf-8", errors="replace")
 
     def last_lines(self, kind: str) -> str:
         """What a node wrote to stderr last, indented; empty if it wrote nothing."""

@@ -21,7 +21,7 @@ def require_rclpy() -> None:
     """Refuse to start nodes where there is no rclpy, without importing it."""
     if importlib.util.find_spec("rclpy") is None:
         raise VerbError(
-            "run needs rclpy, which is not installed: source a ROS 2 Jazzy environment, install the ros"
+            "this needs rclpy, which is not installed: source a ROS 2 Jazzy environment, install the ros"
             " extra, or fly without ROS by `skydiver-utc simulate`"
         )
 

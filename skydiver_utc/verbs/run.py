@@ -28,6 +28,7 @@ from skydiver_utc.verbs.settings import load
 from skydiver_utc.verbs.simulate import exit_code
 
 _FAILED = 1
+_READY = "[skydiver.recorder]: ready"  # its log line when it hears everything
 _STOPPED = 130
 
 
@@ -86,7 +87,10 @@ def _fly(scenario: Scenario, folder: Path, environment: dict[str, str], quiet: b
     ):
         resolved = Path(scratch) / "scenario.yaml"
         resolved.write_text(to_yaml(scenario), encoding="utf-8")
-        common: dict[str, str | bool] = {"scenario": str(resolved), "wait_for_recorder": True}
+        common: dict[str, str | bool | float | list[str]] = {
+            "scenario": str(resolved),
+            "wait_for_recorder": True,
+        }
         nodes.start(RECORDER, {"scenario": str(resolved), "bag_folder": str(folder.absolute())})
         nodes.start(CONTROLLER, common)
         nodes.start(REFERENCE, common)
@@ -100,18 +104,31 @@ def _fly(scenario: Scenario, folder: Path, environment: dict[str, str], quiet: b
                 + nodes.last_lines(failed),
                 _FAILED,
             )
+        if nodes.failed() == RECORDER:
+            raise VerbError(
+                f"the flight went on to its end, but its recorder failed ({nodes.ending(RECORDER)}):"
+                f" {_whereabouts(folder)}" + nodes.last_lines(RECORDER),
+                _FAILED,
+            )
 
 
 def _follow(nodes: NodeProcesses, progress: Progressed) -> str | None:
-    """Show the plant's reports until it ends; the node that failed, None if none did."""
+    """Show the plant's reports until it ends; the node that failed, None if none did.
+
+    A recorder that was ready, and fails later, does not stop a flight.
+    """
     told_outcome = False
+    recorded = True
     while True:
         for report in nodes.reports():
             if "step" in report:
                 progress(report["step"], report["steps"])
             told_outcome = told_outcome or "outcome" in report
-        failed = nodes.failed()
-        if failed and not told_outcome:
+        failed = nodes.failed() if recorded else nodes.failed(RECORDER)
+        if failed == RECORDER and nodes.has_said(RECORDER, _READY):
+            click.echo("the recorder has ended, the flight goes on without a recording", err=True)
+            recorded = False
+        elif failed and not told_outcome:
             return failed
         if nodes.ended(PLANT):
             return None if told_outcome else PLANT
@@ -123,7 +140,7 @@ def _whereabouts(folder: Path) -> str:
             return f"nothing was recorded yet, {folder} can be deleted"
         return f"the recording so far is in {folder}, `skydiver-utc analyse {folder}` looks at it"
     if folder.is_dir():
-        return f"the recording in {folder} has no end"
+        return f"the recording has no end, `skydiver-utc recover {folder}` saves what is there"
     return "nothing was recorded"
 
 
