@@ -12,6 +12,7 @@ from std_msgs.msg import String
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
+from skydiver_utc.nodes.diagnostics import Health, Level, Rate
 from skydiver_utc.nodes.messages import ClockWriter, NamedValuesWriter, StateWriter, Vector, read_named_values
 from skydiver_utc.nodes.scenario_node import ScenarioNode
 from skydiver_utc.parameters import to_yaml
@@ -39,6 +40,8 @@ class PlantNode(ScenarioNode):
         super().__init__("plant", context, overrides)
         self.k = -1
         self.retries = 0
+        self.sent_again = 0
+        self._rate = Rate()
         self._plant = build_plant(self.scenario)
         self._monitor = OutcomeMonitor(self.scenario)
         self._state = self._plant.initial_state()
@@ -64,6 +67,33 @@ class PlantNode(ScenarioNode):
         """One sentence on the outcome."""
         return self._monitor.reason
 
+    def newest_step(self) -> int:
+        """The step whose state was published last."""
+        return self.k
+
+    def health(self) -> Health:
+        """Where the flight stands, at what rate, and whether the commands come."""
+        commanders, plants = self._commands.get_publisher_count(), self.count_publishers(topics.STATE.name)
+        values = {
+            "step": self.k,
+            "steps": self.scenario.steps,
+            "step_rate_Hz": self._rate.read(self.k),
+            "late_answers": self.sent_again,
+            "publishers_of_command": commanders,
+            "publishers_of_state": plants,
+        }
+        if self.finished:
+            level = Level.OK if self.outcome in _EXIT_ZERO else Level.ERROR
+            return Health(level, f"{self.outcome.value}: {self.reason}", values)
+        if commanders > 1 or plants > 1:
+            sentence = f"{commanders} publishers of command and {plants} of state: there must be one of each"
+            return Health(Level.ERROR, sentence, values)
+        if self.k < 0:
+            return Health(Level.OK, f"waiting: there is {' and '.join(self._missing()) or 'all'}", values)
+        if self.retries:
+            return Health(Level.WARN, f"no command for step {self.k}, its state was sent again", values)
+        return Health(Level.OK, "flying", values)
+
     def on_recorder_ready(self, _: Any) -> None:
         """The recorder hears every topic."""
         self._recorder_ready = True
@@ -88,6 +118,8 @@ class PlantNode(ScenarioNode):
 
     def close(self) -> int:
         """End a flight that still goes on, then wait until the listeners have everything."""
+        if self.refused:
+            return super().close()
         if not self.finished:
             when = "before the flight began" if self.k < 0 else f"at step {self.k}"
             self._monitor.end(Outcome.ABORTED, f"stopped by a signal {when}")
@@ -121,6 +153,8 @@ class PlantNode(ScenarioNode):
         self._scenarios.publish(String(data=to_yaml(self.scenario)))
 
     def _begin_when_heard(self) -> None:
+        if self.finished:
+            return
         missing = self._missing()
         if not missing:
             self._begin()
@@ -154,6 +188,7 @@ class PlantNode(ScenarioNode):
 
     def _begin(self) -> None:
         self._end_startup()
+        self.serve()
         self.k = 0
         timeout_s = self.own["command_timeout_s"]
         self._watch = self.every(timeout_s / 4, self._watch_command)
@@ -200,7 +235,11 @@ class PlantNode(ScenarioNode):
             self._finish()
             return
         self.retries += 1
+        self.sent_again += 1
         self.get_logger().warning(f"no command for step {self.k} in {timeout_s:g} s: sending its state again")
+        if self.k > 0:
+            # A controller that was started again goes on from here.
+            self._applieds.publish(self._write_applied(self.k - 1, self._applied[:4]))
         self._publish_state()
 
     def _finish(self) -> None:

@@ -41,7 +41,17 @@ OWN_PARAMETERS: Mapping[str, tuple[Leaf, ...]] = {
         _WAIT_FOR_RECORDER,
         _own("chunk_steps", 80, "1", "steps from one preview message to the next", 1),
     ),
-    "controller": (_SCENARIO, _WAIT_FOR_RECORDER),
+    "controller": (
+        _SCENARIO,
+        _WAIT_FOR_RECORDER,
+        _own(
+            "rejoin_wait_s",
+            5.0,
+            "s",
+            "longest wait for what the plant holds, when this node comes into a flight that goes on",
+            0.0,
+        ),
+    ),
     "recorder": (
         _SCENARIO,
         _own("bag_folder", "", "", "folder of the bag, not existing yet; empty: bags/<UTC time>_<scenario>"),

@@ -67,10 +67,22 @@ class SkydiverUtc:
 
     def reset(self) -> None:
         """Start again; Pu is set at the first decision, because its signs need the reference."""
+        self.resume(self._initial)
+        self._moved = False
+
+    def resume(self, control: Array) -> None:
+        """Start from this control (4,), the one applied last, with Pu as at a flight's first decision.
+
+        Whether the reference has moved the body is not known then; an alpha nearer to that at rest says so.
+        """
         self._prediction.reset()
         self._coupling.reset()
+        self._utc.reset(control, np.zeros((len(CONTROL_NAMES), len(CONTROL_NAMES))))
         self._started = False
-        self._moved = False
+        at_rest = self._alpha_at_rest
+        self._moved = at_rest is not None and bool(
+            abs(control[3] - at_rest) < abs(control[3] - self._initial[3])
+        )
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """One UTC step; after the reference has ended, where the parameters ask for it, the posture at rest."""
@@ -78,7 +90,7 @@ class SkydiverUtc:
         if self._alpha_at_rest is not None and self._moved and not preview.any():
             return self._rest(state, self._alpha_at_rest)
         if not self._started:
-            self._utc.reset(self._initial, self._coupling.initial_covariance(preview))
+            self._utc.reset(self._utc.control, self._coupling.initial_covariance(preview))
             self._started = True
         Qu = self._coupling.process_noise(preview)
         aim = preview[self._horizon]
