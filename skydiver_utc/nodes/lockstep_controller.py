@@ -1,4 +1,4 @@
-"""The scenario's controller as a node, in lockstep: one command for each state, with the state's stamp."""
+"""The scenario's controller as a node: one command for each state, in real time for the newest, with its stamp."""
 
 import time
 from collections.abc import Mapping
@@ -13,6 +13,7 @@ from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.diagnostics import Health, Level, Rate
 from skydiver_utc.nodes.messages import NamedValuesWriter, Vector, read_named_values, read_state
+from skydiver_utc.nodes.polled import take_all
 from skydiver_utc.nodes.preview import PreviewStore, read_preview
 from skydiver_utc.nodes.scenario_node import ScenarioNode
 from skydiver_utc.plant.skydiver import CONTROL_NAMES
@@ -38,7 +39,9 @@ class ControllerNode(ScenarioNode):
     def __init__(self, context: Context | None = None, overrides: Mapping[str, object] | None = None) -> None:
         super().__init__("controller", context, overrides)
         self.answered = -1
-        self._controller = build_controller(self.scenario)
+        self.passed_over = 0  # states in real time that a newer one had followed already
+        self._newest_only = self.own["mode"] == "real_time"
+        self._controller = build_controller(self.scenario, self.own["delay_steps"])
         self._needs = self._controller.preview_steps + 1
         self._compile()
         self._preview = PreviewStore()
@@ -70,6 +73,10 @@ class ControllerNode(ScenarioNode):
 
     def on_state(self, message: Any) -> None:
         """Answer a new state; repeat the command for a repeated one; begin anew at a new step 0."""
+        if self._newest_only and self._states is not None:
+            for newer in take_all(self._states):
+                self.passed_over += 1
+                message = newer
         try:
             k = self.grid.step_of(message.header.stamp)
             if k == self.answered:
@@ -122,6 +129,7 @@ class ControllerNode(ScenarioNode):
             "answer_rate_Hz": self._rate.read(self.answered),
             "last_status": self._status.name.lower(),
             "slowest_solve_ms": f"{1e3 * slowest_s:.3f}",
+            "passed_over": self.passed_over,
             "reference": self._preview.covered(),
         }
         if waits_for := self._waits_for():
@@ -153,7 +161,9 @@ class ControllerNode(ScenarioNode):
     def _compile(self) -> None:
         """Decide once with a controller that is thrown away, so that no flight waits for the compiler."""
         preview = build_reference(self.scenario).preview(0, self._needs)
-        build_controller(self.scenario).decide(build_plant(self.scenario).initial_state(), preview)
+        build_controller(self.scenario, self.own["delay_steps"]).decide(
+            build_plant(self.scenario).initial_state(), preview
+        )
 
     def _rejoin(self, k: int) -> None:
         """Listen to what the plant holds: it says so at each step, and again whenever it sends a state again."""

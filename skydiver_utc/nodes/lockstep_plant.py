@@ -1,4 +1,4 @@
-"""The plant as a node, in lockstep: it steps only on the command that carries its own stamp."""
+"""The plant as a node: in lockstep it steps only on the command that carries its own stamp, else by the clock."""
 
 import json
 import time
@@ -14,6 +14,8 @@ from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.diagnostics import Health, Level, Rate
 from skydiver_utc.nodes.messages import ClockWriter, NamedValuesWriter, StateWriter, Vector, read_named_values
+from skydiver_utc.nodes.polled import Polled, take_all
+from skydiver_utc.nodes.real_time_pace import Answer, RealTimePace
 from skydiver_utc.nodes.scenario_node import ScenarioNode
 from skydiver_utc.parameters import to_yaml
 from skydiver_utc.plant.skydiver import CONTROL_NAMES
@@ -33,7 +35,8 @@ _EXIT_ZERO = (Outcome.COMPLETED, Outcome.ROLLED_OVER, Outcome.ABORTED)
 class PlantNode(ScenarioNode):
     """Publishes state k, waits for command k, steps; ends with an outcome.
 
-    `k` is the step whose state was published last, -1 before the flight.
+    `k` is the step whose state was published last, -1 before the flight. In real time it waits for command 0 only
+    and then steps by the clock (`RealTimePace`); commands are drained at each tick, not by the executor.
     """
 
     def __init__(self, context: Context | None = None, overrides: Mapping[str, object] | None = None) -> None:
@@ -51,11 +54,13 @@ class PlantNode(ScenarioNode):
         self._create_publishers()
         self._recorder_ready = not self.own["wait_for_recorder"]
         self.listen(topics.RECORDER_READY, self.on_recorder_ready)
-        self._commands = self.listen(topics.COMMAND, self.on_command)
+        self._real_time = self._create_pace() if self.own["mode"] == "real_time" else None
+        self._commands = self.listen(topics.COMMAND, self.on_command, Polled() if self._real_time else None)
         self._began_at = time.monotonic()
         self._startup = self.every(_STARTUP_POLL_S, self._begin_when_heard)
         self._patience = self.every(_PATIENCE_S, self._say_what_is_missing)
-        self.get_logger().info(f"{self.scenario.steps} steps of {self.scenario.dt_s * 1e3:g} ms in lockstep")
+        mode = "real time" if self._real_time else "lockstep"
+        self.get_logger().info(f"{self.scenario.steps} steps of {self.scenario.dt_s * 1e3:g} ms in {mode}")
 
     @property
     def outcome(self) -> Outcome:
@@ -74,7 +79,7 @@ class PlantNode(ScenarioNode):
     def health(self) -> Health:
         """Where the flight stands, at what rate, and whether the commands come."""
         commanders, plants = self._commands.get_publisher_count(), self.count_publishers(topics.STATE.name)
-        values = {
+        values: dict[str, object] = {
             "step": self.k,
             "steps": self.scenario.steps,
             "step_rate_Hz": self._rate.read(self.k),
@@ -82,6 +87,8 @@ class PlantNode(ScenarioNode):
             "publishers_of_command": commanders,
             "publishers_of_state": plants,
         }
+        if self._real_time is not None and self._real_time.begun:
+            values |= {**self._real_time.accounts.told(), "late_steps": self._real_time.late_steps}
         if self.finished:
             level = Level.OK if self.outcome in _EXIT_ZERO else Level.ERROR
             return Health(level, f"{self.outcome.value}: {self.reason}", values)
@@ -90,6 +97,8 @@ class PlantNode(ScenarioNode):
             return Health(Level.ERROR, sentence, values)
         if self.k < 0:
             return Health(Level.OK, f"waiting: there is {' and '.join(self._missing()) or 'all'}", values)
+        if self._real_time is not None and self._real_time.accounts.silence:
+            return Health(Level.WARN, self._real_time.sentence(), values)
         if self.retries:
             return Health(Level.WARN, f"no command for step {self.k}, its state was sent again", values)
         return Health(Level.OK, "flying", values)
@@ -102,19 +111,46 @@ class PlantNode(ScenarioNode):
         """Step if this command answers the state published last; count it otherwise."""
         if self.finished:
             return
-        try:
-            k = self.grid.step_of(message.header.stamp)
-            if k < self.k:
-                # The answer to a state that was sent again: it was used the first time.
-                self.refusals.counts["repeated"] += 1
-                return
-            if k > self.k:
-                raise BorderError("stamp", f"it answers step {k}, the plant is at step {self.k}")
-            command = read_named_values(message, CONTROL_NAMES)
-        except BorderError as error:
-            self.refusals.add(topics.COMMAND.name, error)
+        answer = self._read_answer(message)
+        if answer is None:
+            return
+        k, command = answer
+        if k < self.k:
+            # The answer to a state that was sent again: it was used the first time.
+            self.refusals.counts["repeated"] += 1
             return
         self._step(command)
+
+    def _read_answer(self, message: Any) -> Answer | None:
+        """The step that a command answers, and the command; None, counted, where it cannot be used."""
+        try:
+            k = self.grid.step_of(message.header.stamp)
+            if k > self.k:
+                raise BorderError("stamp", f"it answers step {k}, the plant is at step {self.k}")
+            return k, read_named_values(message, CONTROL_NAMES)
+        except BorderError as error:
+            self.refusals.add(topics.COMMAND.name, error)
+            return None
+
+    def tick(self) -> None:
+        """Real time: take the commands that have come, step as often as is due."""
+        if self.finished or self._real_time is None:
+            return
+        answers = [answer for message in take_all(self._commands) if (answer := self._read_answer(message))]
+        self._real_time.tick(answers)
+
+    def _create_pace(self) -> RealTimePace:
+        return RealTimePace(
+            self.scenario,
+            self._plant.initial_control(),
+            self.own["neutral_after_s"],
+            self.own["neutral_rate_rad_s"],
+            self._step_in_real_time,
+        )
+
+    def _step_in_real_time(self, command: Vector) -> bool:
+        self._step(command)
+        return not self.finished
 
     def close(self) -> int:
         """End a flight that still goes on, then wait until the listeners have everything."""
@@ -192,6 +228,8 @@ class PlantNode(ScenarioNode):
         self.k = 0
         timeout_s = self.own["command_timeout_s"]
         self._watch = self.every(timeout_s / 4, self._watch_command)
+        if self._real_time is not None:
+            self._tick = self.every(self.scenario.dt_s, self.tick)
         self._began_at = time.monotonic()
         goes_on = self._monitor.observe(0, self._state)
         self._publish_state()
@@ -226,7 +264,8 @@ class PlantNode(ScenarioNode):
     def _watch_command(self) -> None:
         """Send the state again when its command is late; give up after the last retry."""
         timeout_s = self.own["command_timeout_s"]
-        if self.finished or time.monotonic() - self._published_at < timeout_s:
+        by_the_clock = self._real_time is not None and self._real_time.begun
+        if self.finished or by_the_clock or time.monotonic() - self._published_at < timeout_s:
             return
         if self.retries == self.own["command_retries"]:
             last = f"; the last message refused was on {self.refusals.last}" if self.refusals.last else ""
@@ -248,16 +287,25 @@ class PlantNode(ScenarioNode):
         self._end_startup()
         if self.k >= 0:
             self.destroy_timer(self._watch)
-        report: dict[str, object] = {
-            "outcome": self.outcome.value,
-            "reason": self.reason,
-            "wall_time_s": wall_time_s,
-            "states": self.k + 1,
-        }
+            if self._real_time is not None:
+                self.destroy_timer(self._tick)
+        report = self._outcome_report(wall_time_s)
         self._outcomes.publish(String(data=json.dumps(report)))
         self.get_logger().info(f"{self.outcome.value}: {self.reason} ({wall_time_s:.2f} s)")
         if self.own["progress"]:
             self._report(report)
+
+    def _outcome_report(self, wall_time_s: float) -> dict[str, object]:
+        """What the outcome says; in real time with the account of every step."""
+        report: dict[str, object] = {"outcome": self.outcome.value, "reason": self.reason}
+        pace = self._real_time
+        if pace is not None:
+            if self.outcome is Outcome.COMPLETED and (silence := pace.silence_sentence()):
+                self._monitor.end(Outcome.NO_COMMAND, silence)
+            elif sentence := pace.sentence():
+                self._monitor.end(self.outcome, f"{self.reason}; {sentence}")
+            report = {"outcome": self.outcome.value, "reason": self.reason, "real_time": pace.told()}
+        return report | {"wall_time_s": wall_time_s, "states": self.k + 1}
 
     def _end_startup(self) -> None:
         self.destroy_timer(self._startup)

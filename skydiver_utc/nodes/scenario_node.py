@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.node import Node
@@ -107,9 +108,11 @@ class ScenarioNode(Node):
         self._advertised[topic] = self._publisher(topic)
         return self._advertised[topic]
 
-    def listen(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
+    def listen(
+        self, topic: Topic, callback: Callable[[Any], None], group: CallbackGroup | None = None
+    ) -> Subscription:
         """A subscription as the table of topics says."""
-        return self.create_subscription(topic.type, topic.name, callback, topic.qos)
+        return self.create_subscription(topic.type, topic.name, callback, topic.qos, callback_group=group)
 
     def every(self, period_s: float, callback: Callable[[], None]) -> Timer:
         """A timer on the steady clock, whatever simulated time does."""

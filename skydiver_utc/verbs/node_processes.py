@@ -18,6 +18,7 @@ from typing import IO, Any
 
 import skydiver_utc
 
+Parameters = dict[str, str | bool | int]
 PLANT, REFERENCE, CONTROLLER, RECORDER = "plant", "reference", "controller", "recorder"
 
 # The plant tells how the flight ended while all others listen; the recorder hears everybody's last word.
@@ -55,7 +56,7 @@ class NodeProcesses:
     def __exit__(self, *_: object) -> None:
         self.end()
 
-    def start(self, kind: str, parameters: Mapping[str, str | bool]) -> None:
+    def start(self, kind: str, parameters: Mapping[str, str | bool | int]) -> None:
         """Start ``<kind>_node`` with these ROS parameters; the plant's stdout is kept for `reports`."""
         command = [sys.executable, "-c", NODE_CODE.format(kind=kind), "--ros-args"]
         for name, value in parameters.items():
