@@ -8,6 +8,7 @@ from typing import Any
 
 from rclpy.context import Context
 from rclpy.duration import Duration
+from rclpy.timer import Timer
 from std_msgs.msg import String
 
 from skydiver_utc.nodes import topics
@@ -45,6 +46,7 @@ class PlantNode(ScenarioNode):
         self.retries = 0
         self.sent_again = 0
         self._rate = Rate()
+        self._tick: Timer | None = None
         self._plant = build_plant(self.scenario)
         self._monitor = OutcomeMonitor(self.scenario)
         self._state = self._plant.initial_state()
@@ -137,7 +139,12 @@ class PlantNode(ScenarioNode):
         if self.finished or self._real_time is None:
             return
         answers = [answer for message in take_all(self._commands) if (answer := self._read_answer(message))]
+        waited = not self._real_time.begun
         self._real_time.tick(answers)
+        if waited and self._real_time.begun and not self.finished:
+            # In phase with the deadlines: the timer so far may wake up just before each of them.
+            self.destroy_timer(self._tick)
+            self._tick = self._tick_each_step()
 
     def _create_pace(self) -> RealTimePace:
         return RealTimePace(
@@ -146,7 +153,12 @@ class PlantNode(ScenarioNode):
             self.own["neutral_after_s"],
             self.own["neutral_rate_rad_s"],
             self._step_in_real_time,
+            lambda: int(self._steady_clock.now().nanoseconds),
         )
+
+    def _tick_each_step(self) -> Timer:
+        # rclpy rounds the period down to nanoseconds.
+        return self.every((self.scenario.dt_ns + 0.5) * 1e-9, self.tick)
 
     def _step_in_real_time(self, command: Vector) -> bool:
         self._step(command)
@@ -229,7 +241,7 @@ class PlantNode(ScenarioNode):
         timeout_s = self.own["command_timeout_s"]
         self._watch = self.every(timeout_s / 4, self._watch_command)
         if self._real_time is not None:
-            self._tick = self.every(self.scenario.dt_s, self.tick)
+            self._tick = self._tick_each_step()
         self._began_at = time.monotonic()
         goes_on = self._monitor.observe(0, self._state)
         self._publish_state()
@@ -287,7 +299,7 @@ class PlantNode(ScenarioNode):
         self._end_startup()
         if self.k >= 0:
             self.destroy_timer(self._watch)
-            if self._real_time is not None:
+            if self._tick is not None:
                 self.destroy_timer(self._tick)
         report = self._outcome_report(wall_time_s)
         self._outcomes.publish(String(data=json.dumps(report)))

@@ -1,10 +1,9 @@
 """The pace of a real-time flight: step k at t_0 + k dt of the steady clock, whatever commands come.
 
-The timer only wakes the node up; the deadlines are absolute, so the rate does not drift, and a plant that was held
-up catches up with the clock.
+A timer only wakes the node up; the deadlines are absolute, so the rate does not drift, and a plant that was held up
+catches up with the clock. Timer and deadlines must read one clock: two steady clocks of a machine drift apart.
 """
 
-import time
 from collections.abc import Callable, Iterable
 
 import numpy as np
@@ -27,6 +26,7 @@ class RealTimePace:
         neutral_after_s: float,
         neutral_rate_rad_s: float,
         step: Callable[[Vector], bool],
+        now_ns: Callable[[], int],
     ) -> None:
         control = initial * (1.0, 0.0, 0.0, 0.0)
         ramp = NeutralRamp(
@@ -36,6 +36,7 @@ class RealTimePace:
         self._dt_s = scenario.dt_s
         self._dt_ns = scenario.dt_ns
         self._step = step
+        self._now_ns = now_ns
         self.late_steps = 0  # later than the time of the step that follows
         self._began_ns = 0
         self._lateness_ns = np.zeros(scenario.steps, dtype=np.int64)
@@ -52,9 +53,9 @@ class RealTimePace:
         if not self.begun:
             if self.accounts.newest < 0:
                 return
-            self._began_ns = time.monotonic_ns()
+            self._began_ns = self._now_ns()
             self._command = self.accounts.choose()
-        while (late_ns := time.monotonic_ns() - self._began_ns - self.accounts.steps * self._dt_ns) >= 0:
+        while (late_ns := self._now_ns() - self._began_ns - self.accounts.steps * self._dt_ns) >= 0:
             self._lateness_ns[self.accounts.steps - 1] = late_ns
             self.late_steps += late_ns > self._dt_ns
             if not self._step(self._command):
@@ -64,7 +65,7 @@ class RealTimePace:
     def told(self) -> dict[str, object]:
         """The account of the commands, and how well the steps kept the time."""
         late_ns = self._lateness_ns[: max(1, self.accounts.steps)]
-        elapsed_s = (time.monotonic_ns() - self._began_ns) * 1e-9 if self.begun else 0.0
+        elapsed_s = (self._now_ns() - self._began_ns) * 1e-9 if self.begun else 0.0
         return {
             **self.accounts.told(),
             "late_steps": self.late_steps,
