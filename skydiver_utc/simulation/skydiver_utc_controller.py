@@ -98,9 +98,12 @@ class SkydiverUtc:
             aim = preview[0] + self._horizon * (preview[1] - preview[0])
         reference = np.array([aim, *self._kept])
         step = self._utc.step(state, preview, reference, Qu)
-        return Decision(
-            step.control, self._telemetry(step.predicted[0], step.innovation[0], step.repaired), step.status
-        )
+        predicted, innovation = float(step.predicted[0]), float(step.innovation[0])
+        if not np.isfinite(innovation):
+            # The status says that the control was kept; the rate now stands for one that could not be predicted.
+            predicted = float(state[self._tracked])
+            innovation = float(reference[0]) - predicted
+        return Decision(step.control, self._telemetry(predicted, innovation, step.repaired), step.status)
 
     def _rest(self, state: Array, alpha: float) -> Decision:
         """The control that the flight began with, at another pattern angle [rad]; no feedback."""
