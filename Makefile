@@ -10,13 +10,14 @@ STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help install demo test lint bench bench-tools clean
+.PHONY: help install demo test lint bench bench-tools soak clean
 
 help:
 	@echo "make demo      fly SCENARIO ($(SCENARIO)) over ROS and record it below bags/"
 	@echo "make test      all tests; ARGS=... goes to pytest"
 	@echo "make lint      ruff and mypy"
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
+	@echo "make soak      30 simulated minutes in lockstep, 10 minutes in real time: memory, losses, lateness"
 	@echo "make install   only install into $(VENV)"
 	@echo "make clean     remove what builds and tests left behind; keeps $(VENV) and bags/"
 
@@ -39,6 +40,9 @@ bench: $(STAMP)
 bench-tools: $(STAMP)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation '.[bench]'
 	$(VENV)/bin/python benchmarks/run.py $(ARGS)
+
+soak: $(STAMP)
+	$(VENV)/bin/python benchmarks/soak.py $(ARGS)
 
 clean:
 	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

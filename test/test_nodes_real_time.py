@@ -93,10 +93,10 @@ def test_a_flight_stays_belly_to_earth_and_every_step_is_accounted_for(
 
 def test_a_controller_stalled_for_100_ms_and_for_5_s(ros: Ros, processes: Processes) -> None:
     """The plant bridges the first with the last command, falls neutral in the second, then turns again."""
-    flight = Watched(ros, 12.0)
-    given = overrides(12.0, mode="real_time")
+    flight = Watched(ros, 16.0)
+    given = overrides(16.0, mode="real_time")
     processes.start("plant", given)
-    processes.start("reference", overrides(12.0))
+    processes.start("reference", overrides(16.0))
     controller = processes.start("controller", given)
 
     def stall(begin: int, steps: int) -> int:

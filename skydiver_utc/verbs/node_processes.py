@@ -86,6 +86,10 @@ class NodeProcesses:
         except queue.Empty:
             return
 
+    def pids(self) -> dict[str, int]:
+        """The process of each node."""
+        return {kind: process.pid for kind, process in self._processes.items()}
+
     def ended(self, kind: str) -> bool:
         """True when this node's process has ended and all that it printed has been read."""
         return self._processes[kind].poll() is not None and self._lines.empty()
