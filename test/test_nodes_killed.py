@@ -15,7 +15,7 @@ from skydiver_utc.nodes.lockstep_plant import PlantNode
 from skydiver_utc.nodes.messages import NamedValuesWriter, StateWriter, read_named_values
 from skydiver_utc.nodes.preview import PreviewWriter
 from skydiver_utc.nodes.stamps import StepGrid
-from skydiver_utc.parameters import load_scenario
+from skydiver_utc.parameters import load_scenario, scenario_names
 from skydiver_utc.plant.skydiver import CONTROL_NAMES
 from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
 from skydiver_utc.simulation.closed_loop import simulate
@@ -169,6 +169,10 @@ class Rejoining:
         return controller.decide(self.state, preview).control
 
 
+def controller_of(name: str) -> str:
+    return str(load_scenario(name).controller.__struct_config__.tag)
+
+
 HELD = np.array([0.7, 0.2, 0.1, -0.4])
 
 
@@ -182,6 +186,23 @@ def test_the_first_answer_follows_from_what_is_applied(ros: Ros, scenario: str) 
     assert stage.answer().tobytes() == stage.expected(60, HELD).tobytes()
     assert stage.answer().tobytes() != stage.expected(60).tobytes()
     ros.spin_until(lambda: stage.applied.get_subscription_count() == 0)  # costs nothing from then on
+
+
+@pytest.mark.parametrize("kind", ["utc", "pose", "lqr", "gauss_newton", "mppi"])
+def test_every_controller_goes_on_from_the_applied_command(kind: str) -> None:
+    """The first alpha is within one slew of what is held, wherever the flight before had led the controller."""
+    scenario = load_scenario(next(name for name in scenario_names() if controller_of(name) == kind))
+    controller = build_controller(scenario)
+    state = build_plant(scenario).initial_state()
+    preview = build_reference(scenario).preview(0, controller.preview_steps + 1)
+    for _ in range(3):
+        controller.decide(state, preview)
+    controller.resume(HELD)
+    decided = controller.decide(state, preview).control
+    assert abs(decided[3] - HELD[3]) <= scenario.plant.limits.alpha_rate * scenario.dt_s + 1e-12
+    controller.reset()
+    again = controller.decide(state, preview).control
+    assert again.tobytes() == build_controller(scenario).decide(state, preview).control.tobytes()
 
 
 def test_without_a_word_on_what_is_applied_it_begins_from_the_initial_control(ros: Ros) -> None:
