@@ -10,7 +10,7 @@ STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help install demo test kills lint bench bench-tools study paper clean
+.PHONY: help install demo test kills lint bench bench-tools study paper soak clean
 
 help:
 	@echo "make demo      fly SCENARIO ($(SCENARIO)) over ROS and record it below bags/"
@@ -20,6 +20,7 @@ help:
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
 	@echo "make study     fly 500 random tunings again, into docs/paper; some twenty minutes"
 	@echo "make paper     make all of docs/paper and docs/figures/tuning again, study included"
+	@echo "make soak      30 simulated minutes in lockstep, 10 minutes in real time: memory, losses, lateness"
 	@echo "make install   only install into $(VENV)"
 	@echo "make clean     remove what builds and tests left behind; keeps $(VENV) and bags/"
 
@@ -52,6 +53,9 @@ study: $(STAMP)
 paper: study
 	$(VENV)/bin/skydiver-utc compare paper --out docs/paper
 	$(VENV)/bin/skydiver-utc study guide --out docs/figures/tuning
+
+soak: $(STAMP)
+	$(VENV)/bin/python benchmarks/soak.py $(ARGS)
 
 clean:
 	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

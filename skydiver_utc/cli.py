@@ -114,10 +114,25 @@ def main() -> None:
     "--bags", default="bags", show_default=True, metavar="FOLDER", help="Where run folders are made."
 )
 @click.option("--folder", metavar="FOLDER", help="The run folder itself, instead of a new one in --bags.")
+@click.option("--real-time", is_flag=True, help="Step by the clock instead of waiting for each command.")
+@click.option(
+    "--delay-steps",
+    default=0,
+    show_default=True,
+    type=click.IntRange(0, 50),
+    help="Let the controller predict the state so many steps ahead; a real-time command acts one step later.",
+)
 @_json
 @_quiet
 def run(
-    scenario: str, settings: tuple[str, ...], bags: str, folder: str | None, as_json: bool, quiet: bool
+    scenario: str,
+    settings: tuple[str, ...],
+    bags: str,
+    folder: str | None,
+    real_time: bool,
+    delay_steps: int,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
     """Fly SCENARIO over ROS 2, recorded.
 
@@ -125,9 +140,11 @@ def run(
     unless ROS_DOMAIN_ID is set. The run folder holds the bag, the scenario, metrics.json, tracking.png and
     report.html.
     """
+    from skydiver_utc.verbs.run import Pace
     from skydiver_utc.verbs.run import run as fly
 
-    raise SystemExit(fly(scenario, settings, Path(bags), Path(folder) if folder else None, as_json, quiet))
+    place = Path(folder) if folder else None
+    raise SystemExit(fly(scenario, settings, Path(bags), place, as_json, quiet, Pace(real_time, delay_steps)))
 
 
 @main.command(epilog=_EXIT_CODES, short_help="Fly SCENARIO in this process, without ROS.")

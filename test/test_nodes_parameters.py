@@ -76,6 +76,8 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("plant", {"command_timeout_s": 0.0}, "parameter command_timeout_s must be at least 0.01, found 0.0"),
     ("plant", {"command_timeout_s": float("nan")}, "parameter command_timeout_s must be at least 0.01"),
     ("plant", {"command_timeout_s": float("inf")}, "parameter command_timeout_s must be"),
+    ("plant", {"mode": "fast"}, "parameter mode must be one of lockstep, real_time, found fast"),
+    ("controller", {"delay_steps": -1}, "parameter delay_steps must be at least 0, found -1"),
     ("plant", {"command_retries": -1}, "parameter command_retries must be at least 0, found -1"),
     ("plant", {"command_retries": True}, "parameter command_retries must be of type int, found True"),
     ("plant", {"progress": 1}, "parameter progress must be of type bool, found 1"),

@@ -54,9 +54,9 @@ class Stage:
         return data
 
     def recorded(self) -> list[tuple[str, int, int, bytes]]:
-        """Close the recorder; topic, log time, publish time and bytes in the order of the file."""
+        """Close the recorder; topic, times and bytes of what others sent, in the order of the file."""
         self.node.close()
-        return list(messages_of(self.folder))
+        return [message for message in messages_of(self.folder) if message[0] != topics.DIAGNOSTICS.name]
 
 
 def messages_of(folder: Path) -> Iterator[tuple[str, int, int, bytes]]:

@@ -32,7 +32,8 @@ def read_flight(path: Path | str) -> Flight:
     Nothing but the bag is read. Of a message sent twice the first counts. A flight that ended early has the
     steps up to its last complete one; a bag without an outcome gives outcome aborted and an unknown (NaN)
     wall time. A step missing in between raises `AnalysisError`, what is not a bag `RecordingError`.
-    Telemetry is not asked for: a step without it is NaN.
+    Telemetry is not asked for: a step without it is NaN. In real time a state may have no command of
+    its own: it has the one before.
     """
     return RecordedFlight(Path(path)).flight()
 
@@ -63,6 +64,8 @@ class RecordedFlight:
         outcome, reason, wall_time_s = self._ending()
         states = self._rows("state", 13, _state)
         commands = self._rows("command", 4, _controls)
+        if self._in_real_time():
+            commands = _held(commands)
         applied = self._rows("applied_command", 4, _controls)
         reference = self._reference()
         steps = self.scenario.steps
@@ -134,6 +137,11 @@ class RecordedFlight:
                 f"the outcome in {self._path} cannot be understood ({error!r}): record the flight again"
             ) from error
 
+    def _in_real_time(self) -> bool:
+        """True where the plant did not wait for commands: a state may have none."""
+        messages = self._messages("outcome")
+        return bool(messages) and "real_time" in json.loads(messages[-1].data)
+
     def _rows(self, name: str, width: int, values_of: Callable[[Any], Any]) -> _Rows:
         rows = _Rows(
             np.full((self.scenario.steps + 1, width), np.nan), np.zeros(self.scenario.steps + 1, np.bool_)
@@ -202,6 +210,12 @@ class RecordedFlight:
                 f"{_NAMESPACE}/{name} in {self._path} lacks {len(missing)} of {count} steps, the first is"
                 f" step {missing[0]}: record the flight again"
             )
+
+
+def _held(rows: _Rows) -> _Rows:
+    """Each step without a value has that of the step before it."""
+    newest = np.maximum.accumulate(np.where(rows.present, np.arange(len(rows.present)), -1))
+    return _Rows(rows.values[newest], newest >= 0)
 
 
 def _state(odometry: Any) -> tuple[float, ...]:

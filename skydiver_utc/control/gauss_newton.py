@@ -56,8 +56,12 @@ class GaussNewtonController:
 
     def reset(self) -> None:
         """Start again from the initial control."""
-        self._applied = self._initial.copy()
-        self._sequence = np.tile(self._initial, (self._horizon.blocks, 1))
+        self.resume(self._initial)
+
+    def resume(self, control: Array) -> None:
+        """Start from this control, the one applied last, held over the horizon."""
+        self._applied = control.copy()
+        self._sequence = np.tile(control, (self._horizon.blocks, 1))
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """Improve the sequence and take its first control."""

@@ -83,7 +83,11 @@ class LinearQuadraticController:
 
     def reset(self) -> None:
         """Start again from the initial control."""
-        self._applied = self._initial.copy()
+        self.resume(self._initial)
+
+    def resume(self, control: Array) -> None:
+        """Start from this control, the one applied last."""
+        self._applied = control.copy()
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """u_k = u_k-1 - K xi + F r, then the limits."""

@@ -24,7 +24,11 @@ class OpenLoop:
 
     def reset(self) -> None:
         """Start again from the initial control."""
-        self._previous = self._initial.copy()
+        self.resume(self._initial)
+
+    def resume(self, control: Array) -> None:
+        """Start from this control (4,), the one applied last."""
+        self._previous = control.copy()
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """The pattern angle [rad] of the reference, bounded and slewed."""

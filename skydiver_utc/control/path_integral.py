@@ -61,9 +61,13 @@ class PathIntegralController:
 
     def reset(self) -> None:
         """Start again from the initial control and the seed."""
+        self.resume(self._initial)
+
+    def resume(self, control: Array) -> None:
+        """Start from this control, the one applied last, held over the horizon, and from the seed."""
         self._generator = np.random.default_rng(self._sampling.seed)
-        self._applied = self._initial.copy()
-        self._sequence = np.tile(self._initial, (self._horizon.blocks, 1))
+        self._applied = control.copy()
+        self._sequence = np.tile(control, (self._horizon.blocks, 1))
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """Draw, roll out, average; the first sample is the sequence at hand."""

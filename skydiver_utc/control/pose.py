@@ -27,7 +27,11 @@ class PoseController:
 
     def reset(self) -> None:
         """Start again from the initial control."""
-        self._previous = self._initial.copy()
+        self.resume(self._initial)
+
+    def resume(self, control: Array) -> None:
+        """Start from this control (4,), the one applied last."""
+        self._previous = control.copy()
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """u = K_p (yr_ref - yr_real) + K_FF yr_ref, bounded and slewed."""

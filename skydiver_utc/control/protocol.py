@@ -35,6 +35,9 @@ class Controller(Protocol):
     def reset(self) -> None:
         """Forget the flight so far."""
 
+    def resume(self, control: Array) -> None:
+        """Come into a flight that goes on: forget the flight so far, begin from this control (4,)."""
+
     def decide(self, state: Array, preview: Array) -> Decision:
         """Control for the state (13,) and the reference preview (preview_steps + 1,) at k, k+1, ... [rad/s]."""
         ...

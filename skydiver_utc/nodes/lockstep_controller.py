@@ -1,4 +1,4 @@
-"""The scenario's controller as a node, in lockstep: one command for each state, with the state's stamp."""
+"""The scenario's controller as a node: one command for each state, in real time for the newest, with its stamp."""
 
 import time
 from collections.abc import Mapping
@@ -6,10 +6,14 @@ from typing import Any
 
 import numpy as np
 from rclpy.context import Context
+from rclpy.subscription import Subscription
 
+from skydiver_utc.control.protocol import Status
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
-from skydiver_utc.nodes.messages import NamedValuesWriter, Vector, read_state
+from skydiver_utc.nodes.diagnostics import Health, Level, Rate
+from skydiver_utc.nodes.messages import NamedValuesWriter, Vector, read_named_values, read_state
+from skydiver_utc.nodes.polled import take_all
 from skydiver_utc.nodes.preview import PreviewStore, read_preview
 from skydiver_utc.nodes.scenario_node import ScenarioNode
 from skydiver_utc.plant.skydiver import CONTROL_NAMES
@@ -17,22 +21,36 @@ from skydiver_utc.simulation.build import build_controller, build_plant, build_r
 
 _STARTUP_POLL_S = 0.02
 _PATIENCE_S = 5.0
+_REJOIN_POLL_S = 0.1
+# A flight whose last state came this long ago may have been left by a plant that died.
+_SAME_FLIGHT_S = 1.0
+# After a longer silence the plant holds something else than the last command.
+_LONGEST_GAP_S = 0.25
 
 
 class ControllerNode(ScenarioNode):
     """Answers each state once; listens to the state only when it can answer, which tells the plant to begin.
 
-    `answered` is the step of the last command, -1 before the first.
+    `answered` is the step of the last command, -1 before the first. A controller that comes into a flight which
+    has begun without it, or has missed much of it, first hears from `applied_command` what the plant holds and
+    goes on from there; after `rejoin_wait_s` it begins from the scenario's initial control.
     """
 
     def __init__(self, context: Context | None = None, overrides: Mapping[str, object] | None = None) -> None:
         super().__init__("controller", context, overrides)
         self.answered = -1
-        self._controller = build_controller(self.scenario)
+        self.passed_over = 0  # states in real time that a newer one had followed already
+        self._newest_only = self.own["mode"] == "real_time"
+        self._controller = build_controller(self.scenario, self.own["delay_steps"])
         self._needs = self._controller.preview_steps + 1
         self._compile()
         self._preview = PreviewStore()
         self._pending: tuple[int, Vector] | None = None
+        self._states: Subscription | None = None
+        self._held: Subscription | None = None  # applied_command, while this node comes into a flight
+        self._asked_at = self._answered_at = time.monotonic()
+        self._status, self._slowest_s, self._rate = Status.SOLVED, 0.0, Rate()
+        self._gap_steps = round(_LONGEST_GAP_S / self.scenario.dt_s)
         telemetry_names = (*self._controller.telemetry_names, "solve_time", "status")
         self._write_command = NamedValuesWriter(self.grid, CONTROL_NAMES).fill
         self._write_telemetry = NamedValuesWriter(self.grid, telemetry_names).fill
@@ -40,8 +58,8 @@ class ControllerNode(ScenarioNode):
         self._commands = self.advertise(topics.COMMAND)
         self._telemetry = self.advertise(topics.TELEMETRY)
         self.listen(topics.REFERENCE_PREVIEW, self.on_reference)
-        self._began_at = time.monotonic()
         self._startup = self.every(_STARTUP_POLL_S, self._listen_when_ready)
+        self.every(_REJOIN_POLL_S, self._begin_cold_when_nothing_is_heard)
         self.every(_PATIENCE_S, self._say_what_is_missing)
 
     def on_reference(self, message: Any) -> None:
@@ -55,6 +73,10 @@ class ControllerNode(ScenarioNode):
 
     def on_state(self, message: Any) -> None:
         """Answer a new state; repeat the command for a repeated one; begin anew at a new step 0."""
+        if self._newest_only and self._states is not None:
+            for newer in take_all(self._states):
+                self.passed_over += 1
+                message = newer
         try:
             k = self.grid.step_of(message.header.stamp)
             if k == self.answered:
@@ -63,6 +85,8 @@ class ControllerNode(ScenarioNode):
                 return
             if 0 < k < self.answered:
                 raise BorderError("older", f"it is of step {k}, step {self.answered} was answered already")
+            if k == 0 < self.answered and self._in_flight_of_another():
+                raise BorderError("second_plant", "it begins a flight, while that of another plant goes on")
             state = read_state(message)
         except BorderError as error:
             self.refusals.add(topics.STATE.name, error)
@@ -71,12 +95,51 @@ class ControllerNode(ScenarioNode):
             self.get_logger().info("a new flight begins")
             self._controller.reset()
             self.answered = -1
+            self._end_rejoin()
         if k < self.scenario.steps:
             self._pending = (k, state)
+            if self._held is None and k > 0 and (self.answered < 0 or k - self.answered > self._gap_steps):
+                self._rejoin(k)
             self._answer_pending()
 
+    def on_applied(self, message: Any) -> None:
+        """What the plant holds in the flight that this node comes into: go on from there."""
+        if self._held is None:
+            return
+        try:
+            k = self.grid.step_of(message.header.stamp)
+            control = read_named_values(message, CONTROL_NAMES)
+        except BorderError as error:
+            self.refusals.add(topics.APPLIED_COMMAND.name, error)
+            return
+        self.get_logger().info(f"goes on from the command applied at step {k}")
+        self._controller.resume(control)
+        self._end_rejoin()
+        self._answer_pending()
+
+    def newest_step(self) -> int:
+        """The step answered last."""
+        return self.answered
+
+    def health(self) -> Health:
+        """What was answered, how fast, and what is waited for."""
+        slowest_s, self._slowest_s = self._slowest_s, 0.0
+        values = {
+            "answered_step": self.answered,
+            "answer_rate_Hz": self._rate.read(self.answered),
+            "last_status": self._status.name.lower(),
+            "slowest_solve_ms": f"{1e3 * slowest_s:.3f}",
+            "passed_over": self.passed_over,
+            "reference": self._preview.covered(),
+        }
+        if waits_for := self._waits_for():
+            return Health(Level.WARN if self.answered >= 0 else Level.OK, waits_for, values)
+        if self._status is Status.KEPT_PREVIOUS:
+            return Health(Level.WARN, "the last decision was not finite: kept the control before", values)
+        return Health(Level.OK, "answering", values)
+
     def _answer_pending(self) -> None:
-        if self._pending is None:
+        if self._pending is None or self._held is not None:
             return
         k, state = self._pending
         preview = self._preview.window(k, self._needs)
@@ -86,7 +149,10 @@ class ControllerNode(ScenarioNode):
         began_ns = time.perf_counter_ns()
         decision = self._controller.decide(state, preview)
         solve_time_s = (time.perf_counter_ns() - began_ns) * 1e-9
-        self.answered = k
+        if self.answered < 0:
+            self.serve()
+        self.answered, self._answered_at = k, time.monotonic()
+        self._status, self._slowest_s = decision.status, max(self._slowest_s, solve_time_s)
         self._command = np.array(decision.control, dtype=np.float64)
         self._commands.publish(self._write_command(k, self._command))
         values = np.append(decision.telemetry, (solve_time_s, float(decision.status)))
@@ -95,20 +161,63 @@ class ControllerNode(ScenarioNode):
     def _compile(self) -> None:
         """Decide once with a controller that is thrown away, so that no flight waits for the compiler."""
         preview = build_reference(self.scenario).preview(0, self._needs)
-        build_controller(self.scenario).decide(build_plant(self.scenario).initial_state(), preview)
+        build_controller(self.scenario, self.own["delay_steps"]).decide(
+            build_plant(self.scenario).initial_state(), preview
+        )
+
+    def _rejoin(self, k: int) -> None:
+        """Listen to what the plant holds: it says so at each step, and again whenever it sends a state again."""
+        self.get_logger().warning(f"comes into a flight at step {k}: asks what command is applied")
+        self._held = self.listen(topics.APPLIED_COMMAND, self.on_applied)
+        self._asked_at = time.monotonic()
+
+    def _end_rejoin(self) -> None:
+        if self._held is not None:
+            self.destroy_subscription(self._held)
+            self._held = None
+
+    def _begin_cold_when_nothing_is_heard(self) -> None:
+        if self._held is None or time.monotonic() - self._asked_at < self.own["rejoin_wait_s"]:
+            return
+        self.get_logger().warning("nothing is heard of the applied command: begins from the initial control")
+        self._controller.reset()
+        self._end_rejoin()
+        self._answer_pending()
+
+    def _in_flight_of_another(self) -> bool:
+        """True when a state 0 comes from a second plant, not from one in the place of one that has gone."""
+        publishers = self._states.get_publisher_count() if self._states is not None else 0
+        return publishers > 1 and time.monotonic() - self._answered_at < _SAME_FLIGHT_S
 
     def _listen_when_ready(self) -> None:
         if self._preview.count >= self._needs and not self.unmatched():
             self.destroy_timer(self._startup)
-            self.listen(topics.STATE, self.on_state)
+            self._states = self.listen(topics.STATE, self.on_state)
             self.get_logger().info("ready")
 
-    def _say_what_is_missing(self) -> None:
+    def _waits_for(self) -> str:
+        """What an answer waits for, in words; empty when it waits for nothing."""
         waiting = self._pending is not None or self.answered < 0
         if waiting and self._preview.count < self._needs:
-            self.get_logger().warning(
+            return (
                 f"waiting for the reference: it covers {self._preview.covered()}, one decision takes"
                 f" {self._needs} steps; is the reference node running, with the same scenario?"
             )
-        elif waiting and (unheard := self.unmatched()):
-            self.get_logger().warning(f"waiting for listeners on {', '.join(unheard)}")
+        if self._pending is not None and self._held is None:
+            return (
+                f"waiting for the reference of step {self._pending[0]}: it covers {self._preview.covered()}"
+            )
+        if waiting and (unheard := self.unmatched()):
+            return f"waiting for listeners on {', '.join(unheard)}"
+        in_flight = 0 <= self.answered < self.scenario.steps - 1
+        silent_s = time.monotonic() - self._answered_at
+        if in_flight and silent_s > _PATIENCE_S:
+            return (
+                f"no new state after step {self.answered} for {silent_s:.0f} s: the plant has stopped or died;"
+                " waiting for a state, of this flight or of a new one"
+            )
+        return ""
+
+    def _say_what_is_missing(self) -> None:
+        if waits_for := self._waits_for():
+            self.get_logger().warning(waits_for)

@@ -1,4 +1,4 @@
-"""The plant as a node, in lockstep: it steps only on the command that carries its own stamp."""
+"""The plant as a node: in lockstep it steps only on the command that carries its own stamp, else by the clock."""
 
 import json
 import time
@@ -8,11 +8,15 @@ from typing import Any
 
 from rclpy.context import Context
 from rclpy.duration import Duration
+from rclpy.timer import Timer
 from std_msgs.msg import String
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
+from skydiver_utc.nodes.diagnostics import Health, Level, Rate
 from skydiver_utc.nodes.messages import ClockWriter, NamedValuesWriter, StateWriter, Vector, read_named_values
+from skydiver_utc.nodes.polled import Polled, take_all
+from skydiver_utc.nodes.real_time_pace import Answer, RealTimePace
 from skydiver_utc.nodes.scenario_node import ScenarioNode
 from skydiver_utc.parameters import to_yaml
 from skydiver_utc.plant.skydiver import CONTROL_NAMES
@@ -32,13 +36,17 @@ _EXIT_ZERO = (Outcome.COMPLETED, Outcome.ROLLED_OVER, Outcome.ABORTED)
 class PlantNode(ScenarioNode):
     """Publishes state k, waits for command k, steps; ends with an outcome.
 
-    `k` is the step whose state was published last, -1 before the flight.
+    `k` is the step whose state was published last, -1 before the flight. In real time it waits for command 0 only
+    and then steps by the clock (`RealTimePace`); commands are drained at each tick, not by the executor.
     """
 
     def __init__(self, context: Context | None = None, overrides: Mapping[str, object] | None = None) -> None:
         super().__init__("plant", context, overrides)
         self.k = -1
         self.retries = 0
+        self.sent_again = 0
+        self._rate = Rate()
+        self._tick: Timer | None = None
         self._plant = build_plant(self.scenario)
         self._monitor = OutcomeMonitor(self.scenario)
         self._state = self._plant.initial_state()
@@ -48,11 +56,13 @@ class PlantNode(ScenarioNode):
         self._create_publishers()
         self._recorder_ready = not self.own["wait_for_recorder"]
         self.listen(topics.RECORDER_READY, self.on_recorder_ready)
-        self._commands = self.listen(topics.COMMAND, self.on_command)
+        self._real_time = self._create_pace() if self.own["mode"] == "real_time" else None
+        self._commands = self.listen(topics.COMMAND, self.on_command, Polled() if self._real_time else None)
         self._began_at = time.monotonic()
         self._startup = self.every(_STARTUP_POLL_S, self._begin_when_heard)
         self._patience = self.every(_PATIENCE_S, self._say_what_is_missing)
-        self.get_logger().info(f"{self.scenario.steps} steps of {self.scenario.dt_s * 1e3:g} ms in lockstep")
+        mode = "real time" if self._real_time else "lockstep"
+        self.get_logger().info(f"{self.scenario.steps} steps of {self.scenario.dt_s * 1e3:g} ms in {mode}")
 
     @property
     def outcome(self) -> Outcome:
@@ -64,6 +74,37 @@ class PlantNode(ScenarioNode):
         """One sentence on the outcome."""
         return self._monitor.reason
 
+    def newest_step(self) -> int:
+        """The step whose state was published last."""
+        return self.k
+
+    def health(self) -> Health:
+        """Where the flight stands, at what rate, and whether the commands come."""
+        commanders, plants = self._commands.get_publisher_count(), self.count_publishers(topics.STATE.name)
+        values: dict[str, object] = {
+            "step": self.k,
+            "steps": self.scenario.steps,
+            "step_rate_Hz": self._rate.read(self.k),
+            "late_answers": self.sent_again,
+            "publishers_of_command": commanders,
+            "publishers_of_state": plants,
+        }
+        if self._real_time is not None and self._real_time.begun:
+            values |= {**self._real_time.accounts.told(), "late_steps": self._real_time.late_steps}
+        if self.finished:
+            level = Level.OK if self.outcome in _EXIT_ZERO else Level.ERROR
+            return Health(level, f"{self.outcome.value}: {self.reason}", values)
+        if commanders > 1 or plants > 1:
+            sentence = f"{commanders} publishers of command and {plants} of state: there must be one of each"
+            return Health(Level.ERROR, sentence, values)
+        if self.k < 0:
+            return Health(Level.OK, f"waiting: there is {' and '.join(self._missing()) or 'all'}", values)
+        if self._real_time is not None and self._real_time.accounts.silence:
+            return Health(Level.WARN, self._real_time.sentence(), values)
+        if self.retries:
+            return Health(Level.WARN, f"no command for step {self.k}, its state was sent again", values)
+        return Health(Level.OK, "flying", values)
+
     def on_recorder_ready(self, _: Any) -> None:
         """The recorder hears every topic."""
         self._recorder_ready = True
@@ -72,22 +113,61 @@ class PlantNode(ScenarioNode):
         """Step if this command answers the state published last; count it otherwise."""
         if self.finished:
             return
-        try:
-            k = self.grid.step_of(message.header.stamp)
-            if k < self.k:
-                # The answer to a state that was sent again: it was used the first time.
-                self.refusals.counts["repeated"] += 1
-                return
-            if k > self.k:
-                raise BorderError("stamp", f"it answers step {k}, the plant is at step {self.k}")
-            command = read_named_values(message, CONTROL_NAMES)
-        except BorderError as error:
-            self.refusals.add(topics.COMMAND.name, error)
+        answer = self._read_answer(message)
+        if answer is None:
+            return
+        k, command = answer
+        if k < self.k:
+            # The answer to a state that was sent again: it was used the first time.
+            self.refusals.counts["repeated"] += 1
             return
         self._step(command)
 
+    def _read_answer(self, message: Any) -> Answer | None:
+        """The step that a command answers, and the command; None, counted, where it cannot be used."""
+        try:
+            k = self.grid.step_of(message.header.stamp)
+            if k > self.k:
+                raise BorderError("stamp", f"it answers step {k}, the plant is at step {self.k}")
+            return k, read_named_values(message, CONTROL_NAMES)
+        except BorderError as error:
+            self.refusals.add(topics.COMMAND.name, error)
+            return None
+
+    def tick(self) -> None:
+        """Real time: take the commands that have come, step as often as is due."""
+        if self.finished or self._real_time is None:
+            return
+        answers = [answer for message in take_all(self._commands) if (answer := self._read_answer(message))]
+        waited = not self._real_time.begun
+        self._real_time.tick(answers)
+        if waited and self._real_time.begun and not self.finished:
+            # In phase with the deadlines: the timer so far may wake up just before each of them.
+            self.destroy_timer(self._tick)
+            self._tick = self._tick_each_step()
+
+    def _create_pace(self) -> RealTimePace:
+        return RealTimePace(
+            self.scenario,
+            self._plant.initial_control(),
+            self.own["neutral_after_s"],
+            self.own["neutral_rate_rad_s"],
+            self._step_in_real_time,
+            lambda: int(self._steady_clock.now().nanoseconds),
+        )
+
+    def _tick_each_step(self) -> Timer:
+        # rclpy rounds the period down to nanoseconds.
+        return self.every((self.scenario.dt_ns + 0.5) * 1e-9, self.tick)
+
+    def _step_in_real_time(self, command: Vector) -> bool:
+        self._step(command)
+        return not self.finished
+
     def close(self) -> int:
         """End a flight that still goes on, then wait until the listeners have everything."""
+        if self.refused:
+            return super().close()
         if not self.finished:
             when = "before the flight began" if self.k < 0 else f"at step {self.k}"
             self._monitor.end(Outcome.ABORTED, f"stopped by a signal {when}")
@@ -121,6 +201,8 @@ class PlantNode(ScenarioNode):
         self._scenarios.publish(String(data=to_yaml(self.scenario)))
 
     def _begin_when_heard(self) -> None:
+        if self.finished:
+            return
         missing = self._missing()
         if not missing:
             self._begin()
@@ -154,9 +236,12 @@ class PlantNode(ScenarioNode):
 
     def _begin(self) -> None:
         self._end_startup()
+        self.serve()
         self.k = 0
         timeout_s = self.own["command_timeout_s"]
         self._watch = self.every(timeout_s / 4, self._watch_command)
+        if self._real_time is not None:
+            self._tick = self._tick_each_step()
         self._began_at = time.monotonic()
         goes_on = self._monitor.observe(0, self._state)
         self._publish_state()
@@ -191,7 +276,8 @@ class PlantNode(ScenarioNode):
     def _watch_command(self) -> None:
         """Send the state again when its command is late; give up after the last retry."""
         timeout_s = self.own["command_timeout_s"]
-        if self.finished or time.monotonic() - self._published_at < timeout_s:
+        by_the_clock = self._real_time is not None and self._real_time.begun
+        if self.finished or by_the_clock or time.monotonic() - self._published_at < timeout_s:
             return
         if self.retries == self.own["command_retries"]:
             last = f"; the last message refused was on {self.refusals.last}" if self.refusals.last else ""
@@ -200,7 +286,11 @@ class PlantNode(ScenarioNode):
             self._finish()
             return
         self.retries += 1
+        self.sent_again += 1
         self.get_logger().warning(f"no command for step {self.k} in {timeout_s:g} s: sending its state again")
+        if self.k > 0:
+            # A controller that was started again goes on from here.
+            self._applieds.publish(self._write_applied(self.k - 1, self._applied[:4]))
         self._publish_state()
 
     def _finish(self) -> None:
@@ -209,16 +299,25 @@ class PlantNode(ScenarioNode):
         self._end_startup()
         if self.k >= 0:
             self.destroy_timer(self._watch)
-        report: dict[str, object] = {
-            "outcome": self.outcome.value,
-            "reason": self.reason,
-            "wall_time_s": wall_time_s,
-            "states": self.k + 1,
-        }
+            if self._tick is not None:
+                self.destroy_timer(self._tick)
+        report = self._outcome_report(wall_time_s)
         self._outcomes.publish(String(data=json.dumps(report)))
         self.get_logger().info(f"{self.outcome.value}: {self.reason} ({wall_time_s:.2f} s)")
         if self.own["progress"]:
             self._report(report)
+
+    def _outcome_report(self, wall_time_s: float) -> dict[str, object]:
+        """What the outcome says; in real time with the account of every step."""
+        report: dict[str, object] = {"outcome": self.outcome.value, "reason": self.reason}
+        pace = self._real_time
+        if pace is not None:
+            if self.outcome is Outcome.COMPLETED and (silence := pace.silence_sentence()):
+                self._monitor.end(Outcome.NO_COMMAND, silence)
+            elif sentence := pace.sentence():
+                self._monitor.end(self.outcome, f"{self.reason}; {sentence}")
+            report = {"outcome": self.outcome.value, "reason": self.reason, "real_time": pace.told()}
+        return report | {"wall_time_s": wall_time_s, "states": self.k + 1}
 
     def _end_startup(self) -> None:
         self.destroy_timer(self._startup)

@@ -6,6 +6,7 @@ A reader returns arrays or raises `BorderError` with one sentence.
 """
 
 import array
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -19,6 +20,7 @@ from sensor_msgs.msg import JointState
 from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.stamps import StepGrid
 from skydiver_utc.parameters import Signal
+from skydiver_utc.simulation.outcome import LARGEST_RATE_RAD_S, LARGEST_SPEED_M_S, speed_and_rate
 
 Vector = NDArray[np.float64]
 
@@ -66,9 +68,14 @@ def read_state(message: Any) -> Vector:
     v, w = message.twist.twist.linear, message.twist.twist.angular
     state = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w, v.x, v.y, v.z, w.x, w.y, w.z])
     _refuse_non_finite(state, _STATE_NAMES)
-    length = float(np.sqrt(state[3:7] @ state[3:7]))
+    length = math.hypot(*state[3:7])
     if abs(length - 1.0) > _QUATERNION_TOLERANCE:
         raise BorderError("quaternion", f"its quaternion has length {length:.9g}: it must have length 1")
+    speed, rate = speed_and_rate(state)
+    if not (speed < LARGEST_SPEED_M_S and rate < LARGEST_RATE_RAD_S):
+        raise BorderError(
+            "model", f"its speed {speed:.3g} m/s or body rate {rate:.3g} rad/s is beyond the model"
+        )
     return state
 
 

@@ -16,24 +16,47 @@ _OF_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides")
 
 
 def _own(
-    name: str, value: float | int | bool | str, unit: str, description: str, at_least: float | None = None
+    name: str,
+    value: float | int | bool | str,
+    unit: str,
+    description: str,
+    at_least: float | None = None,
+    choices: tuple[str, ...] = (),
 ) -> Leaf:
     kind = {bool: "bool", int: "int", float: "float", str: "str"}[type(value)]
-    return Leaf(name, value, kind, at_least, None, (), unit, description)  # type: ignore[arg-type]
+    return Leaf(name, value, kind, at_least, None, choices, unit, description)  # type: ignore[arg-type]
 
 
 _SCENARIO = _own("scenario", _DEFAULT_SCENARIO, "", "name of a scenario, or path of its YAML file")
 _WAIT_FOR_RECORDER = _own("wait_for_recorder", False, "", "begin only when the recorder hears everything")
+_MODE = _own(
+    "mode",
+    "lockstep",
+    "",
+    "lockstep: each step waits for its command; real_time: steps by the clock, the newest state is answered",
+    choices=("lockstep", "real_time"),
+)
 
 OWN_PARAMETERS: Mapping[str, tuple[Leaf, ...]] = {
     "plant": (
         _SCENARIO,
         _WAIT_FOR_RECORDER,
+        _MODE,
         _own(
             "startup_timeout_s", 120.0, "s", "longest wait for the other nodes, which may compile first", 0.0
         ),
         _own("command_timeout_s", 2.0, "s", "wait for a command before the state is sent again", 0.01),
         _own("command_retries", 5, "1", "how often a state is sent again before giving up", 0),
+        _own(
+            "neutral_after_s", 0.25, "s", "real time: silence after which the neutral posture is taken", 0.0
+        ),
+        _own(
+            "neutral_rate_rad_s",
+            0.5,
+            "rad/s",
+            "real time: rate of alpha on the way to the neutral posture",
+            0.0,
+        ),
         _own("progress", False, "", "print JSON lines on the flight's progress to stdout"),
     ),
     "reference": (
@@ -41,7 +64,19 @@ OWN_PARAMETERS: Mapping[str, tuple[Leaf, ...]] = {
         _WAIT_FOR_RECORDER,
         _own("chunk_steps", 80, "1", "steps from one preview message to the next", 1),
     ),
-    "controller": (_SCENARIO, _WAIT_FOR_RECORDER),
+    "controller": (
+        _SCENARIO,
+        _WAIT_FOR_RECORDER,
+        _MODE,
+        _own("delay_steps", 0, "1", "steps by which the state is predicted ahead before deciding", 0),
+        _own(
+            "rejoin_wait_s",
+            5.0,
+            "s",
+            "longest wait for what the plant holds, when this node comes into a flight that goes on",
+            0.0,
+        ),
+    ),
     "recorder": (
         _SCENARIO,
         _own("bag_folder", "", "", "folder of the bag, not existing yet; empty: bags/<UTC time>_<scenario>"),
@@ -87,6 +122,8 @@ def _checked(leaf: Leaf, value: object) -> float | int | bool | str:
     if type(value) is not type(leaf.value):
         raise ParameterError(f"parameter {leaf.name} must be of type {leaf.kind}, found {value!r}")
     assert isinstance(value, float | int | bool | str)
+    if leaf.choices and value not in leaf.choices:
+        raise ParameterError(f"parameter {leaf.name} must be one of {', '.join(leaf.choices)}, found {value}")
     if leaf.minimum is not None and not (isinstance(value, float | int) and leaf.minimum <= value < 2**31):
         raise ParameterError(f"parameter {leaf.name} must be at least {leaf.minimum:g}, found {value}")
     return value

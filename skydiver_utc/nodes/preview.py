@@ -10,6 +10,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.stamps import NANOSECONDS, StepGrid
 from skydiver_utc.parameters import Signal
+from skydiver_utc.simulation.outcome import LARGEST_RATE_RAD_S
 
 
 def _field(signal: Signal) -> str:
@@ -60,6 +61,11 @@ def read_preview(message: Any, grid: StepGrid, signal: Signal) -> tuple[int, NDA
     if not np.isfinite(values).all():
         i = int(np.argmin(np.isfinite(values)))
         raise BorderError("finite", f"its point {i} is {values[i]}: every value must be finite")
+    if np.abs(values).max() > LARGEST_RATE_RAD_S:
+        i = int(np.argmax(np.abs(values)))
+        raise BorderError(
+            "model", f"its point {i} is {values[i]:.3g}: beyond {LARGEST_RATE_RAD_S:g} nothing turns"
+        )
     return k0, values
 
 

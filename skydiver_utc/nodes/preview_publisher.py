@@ -1,5 +1,6 @@
 """The reference as a node: previews in chunks on the global grid of steps, and the body rate now for plots."""
 
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -7,12 +8,14 @@ from rclpy.context import Context
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
+from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.messages import SETPOINT_AXES, SetpointWriter
 from skydiver_utc.nodes.preview import PreviewWriter
 from skydiver_utc.nodes.scenario_node import ScenarioNode
 from skydiver_utc.simulation.build import build_reference
 
 _STARTUP_POLL_S = 0.02
+_PATIENCE_S = 5.0
 
 
 class ReferenceNode(ScenarioNode):
@@ -27,7 +30,8 @@ class ReferenceNode(ScenarioNode):
         self._reference = build_reference(self.scenario)
         self._chunk_steps: int = self.own["chunk_steps"]
         self._count: int = self.scenario.preview_steps + 2 * self._chunk_steps + 1
-        self._chunk = -1
+        self._chunk = self._k = -1
+        self._heard_at, self._told_silence = time.monotonic(), False
         self._write_preview = PreviewWriter(self.grid, self._reference.signal, self._count).fill
         self._previews = self.advertise(topics.REFERENCE_PREVIEW)
         self._setpoints = self.advertise(topics.SETPOINT)
@@ -44,9 +48,31 @@ class ReferenceNode(ScenarioNode):
         except BorderError as error:
             self.refusals.add(topics.CLOCK.name, error)
             return
+        if self._k < 0:
+            self.serve()
+        if k != self._k:
+            self._k, self._heard_at, self._told_silence = k, time.monotonic(), False
         self._publish_chunk(k // self._chunk_steps)
         if self._has_setpoint:
             self._setpoints.publish(self._write_setpoint(k, self._reference.value(k)))
+
+    def newest_step(self) -> int:
+        """The step of the clock heard last."""
+        return self._k
+
+    def health(self) -> Health:
+        """Which step the clock shows, and whether it goes on."""
+        values = {"step": self._k, "chunk": self._chunk}
+        silent_s = time.monotonic() - self._heard_at
+        if self._k < 0:
+            return Health(Level.OK, "waiting for the clock", values)
+        if self._k < self.scenario.steps and silent_s > _PATIENCE_S:
+            sentence = f"the clock stands still after step {self._k}: the plant waits, has stopped or died"
+            if not self._told_silence:
+                self._told_silence = True
+                self.get_logger().warning(sentence)
+            return Health(Level.WARN, sentence, values)
+        return Health(Level.OK, "following the clock", values)
 
     def _begin_when_heard(self) -> None:
         """The first chunk lets the controller begin: it waits until this node hears and is heard."""

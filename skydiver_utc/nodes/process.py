@@ -49,7 +49,7 @@ def run(kind: str, arguments: Sequence[str] | None = None) -> int:
             print(usage(kind))
             return 0
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        return _run(_node_class(kind), arguments)
+        return _run(kind, arguments)
     except KeyboardInterrupt:
         return 0
     except (ParameterError, RecordingError) as error:
@@ -70,7 +70,7 @@ def _node_class(kind: str) -> Any:
     return getattr(importlib.import_module(f"skydiver_utc.nodes.{module}"), name)
 
 
-def _run(node_class: Any, arguments: list[str]) -> int:
+def _run(kind: str, arguments: list[str]) -> int:
     import rclpy
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
     from rclpy.signals import SignalHandlerOptions
@@ -88,7 +88,7 @@ def _run(node_class: Any, arguments: list[str]) -> int:
         raise ParameterError(str(error).partition(", at /")[0]) from error
     executor = SingleThreadedExecutor()
     try:
-        node = node_class()
+        node = _node_class(kind)()
         stop.deferred = True
         executor.add_node(node)
         try:
@@ -96,7 +96,8 @@ def _run(node_class: Any, arguments: list[str]) -> int:
                 executor.spin_once(timeout_sec=_WAKE_UP_S)
         except ExternalShutdownException:
             pass
-        return int(node.close())
+        code = int(node.close())
+        return _refuse(kind, node.refused) if node.refused else code
     finally:
         executor.shutdown()
         rclpy.try_shutdown()

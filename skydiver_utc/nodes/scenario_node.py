@@ -1,10 +1,11 @@
-"""What all nodes share: parameters from the scenario, topics from the table, refusals counted."""
+"""What all nodes share: parameters from the scenario, topics from the table, refusals counted, diagnostics."""
 
 import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.node import Node
@@ -13,17 +14,26 @@ from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from skydiver_utc.nodes.border import Refusals
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.border import BorderError, Refusals
+from skydiver_utc.nodes.diagnostics import Health, Level, ProcessUsage, diagnostic_message
 from skydiver_utc.nodes.node_parameters import resolve
+from skydiver_utc.nodes.roll_call import RollCall, read_claim
 from skydiver_utc.nodes.stamps import StepGrid
 from skydiver_utc.nodes.topics import NAMESPACE, Topic
 from skydiver_utc.parameters import Leaf, ParameterError
 
 _LARGEST_INTEGER = 2**63 - 1
+_DIAGNOSTICS_PERIOD_S = 1.0
+# Two recorders write into two folders; of all others one is enough.
+_ONE_OF_A_KIND = (topics.PLANT, topics.REFERENCE, topics.CONTROLLER)
 
 
 class ScenarioNode(Node):
-    """A node that knows its scenario; `overrides` adds to the parameters given on the command line."""
+    """A node that knows its scenario; `overrides` adds to the parameters given on the command line.
+
+    It has `finished` when its work is done, or when it was `refused`: one sentence why it must not take part.
+    """
 
     def __init__(
         self, kind: str, context: Context | None = None, overrides: Mapping[str, object] | None = None
@@ -42,8 +52,13 @@ class ScenarioNode(Node):
         self.grid = StepGrid(resolved.scenario)
         self.refusals = Refusals(self.get_logger().warning)
         self.finished = False
+        self.refused = ""
         self._advertised: dict[Topic, Publisher] = {}
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._usage = ProcessUsage()
+        self._diagnostics = self._publisher(topics.DIAGNOSTICS)
+        self.every(_DIAGNOSTICS_PERIOD_S, self.publish_diagnostics)
+        self._roll_call = self._join(kind) if kind in _ONE_OF_A_KIND else None
         changes = "; ".join(resolved.changes) or "as in its file"
         self.get_logger().info(f"scenario {resolved.scenario.name}: {changes}")
 
@@ -53,14 +68,51 @@ class ScenarioNode(Node):
             self.get_logger().warning(f"messages refused or ignored: {self.refusals.summary()}")
         return 0
 
+    def newest_step(self) -> int:
+        """The newest step that this node knows of, -1 before the first."""
+        return -1
+
+    def health(self) -> Health:
+        """What the node says about its work; refusals, CPU and memory are added to it."""
+        return Health(Level.OK, "running", {})
+
+    def publish_diagnostics(self) -> None:
+        """Say how the node is: an own trouble first, else what it refused since the last time."""
+        health = self.health()
+        refused = {f"refused_{kind}": count for kind, count in sorted(self.refusals.counts.items())}
+        if self._roll_call is not None:
+            refused["others_told_to_leave"] = self._roll_call.others
+        values = {**health.values, **refused, "last_refusal": self.refusals.last, **self._usage.read()}
+        message = diagnostic_message(
+            self.grid,
+            self.newest_step(),
+            self.get_name(),
+            self.get_namespace(),
+            health._replace(values=values),
+        )
+        self._diagnostics.publish(message)
+
+    def serve(self) -> None:
+        """From now on this node takes part in a flight: another of its kind that comes later has to leave."""
+        if self._roll_call is not None:
+            self._roll_call.serve()
+
+    def refuse(self, sentence: str) -> None:
+        """End without a further word to the others."""
+        if not self.finished:
+            self.refused = sentence
+            self.finished = True
+
     def advertise(self, topic: Topic) -> Publisher:
-        """A publisher as the table of topics says."""
-        self._advertised[topic] = self.create_publisher(topic.type, topic.name, topic.qos)
+        """A publisher of the flight as the table of topics says: its listeners are waited for."""
+        self._advertised[topic] = self._publisher(topic)
         return self._advertised[topic]
 
-    def listen(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
+    def listen(
+        self, topic: Topic, callback: Callable[[Any], None], group: CallbackGroup | None = None
+    ) -> Subscription:
         """A subscription as the table of topics says."""
-        return self.create_subscription(topic.type, topic.name, callback, topic.qos)
+        return self.create_subscription(topic.type, topic.name, callback, topic.qos, callback_group=group)
 
     def every(self, period_s: float, callback: Callable[[], None]) -> Timer:
         """A timer on the steady clock, whatever simulated time does."""
@@ -74,6 +126,24 @@ class ScenarioNode(Node):
             for topic, publisher in self._advertised.items()
             if publisher.get_subscription_count() < len(topic.listeners) + recorders * topic.recorded
         ]
+
+    def _publisher(self, topic: Topic) -> Publisher:
+        return self.create_publisher(topic.type, topic.name, topic.qos)
+
+    def _join(self, kind: str) -> RollCall:
+        roll_call = RollCall(kind, self._publisher(topics.ROLL_CALL).publish, self.refuse)
+        self.listen(topics.ROLL_CALL, self.on_claim)
+        return roll_call
+
+    def on_claim(self, message: Any) -> None:
+        """Another node says that it is there."""
+        try:
+            claim = read_claim(message.data)
+        except BorderError as error:
+            self.refusals.add(topics.ROLL_CALL.name, error)
+            return
+        if self._roll_call is not None:
+            self._roll_call.hear(claim)
 
     def _given_parameters(self) -> dict[str, object]:
         """Parameters from the command line and its files, also those that nobody declares."""

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
@@ -17,6 +18,7 @@ PLANT = "plant"
 REFERENCE = "reference"
 CONTROLLER = "controller"
 RECORDER = "recorder"
+EVERY_NODE = "every node"
 
 # rmw's "infinite", as rosbag2 writes it.
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
@@ -70,8 +72,10 @@ COMMAND = Topic("command", JointState, EACH_STEP, CONTROLLER, (PLANT,), fewer_th
 TELEMETRY = Topic("controller/telemetry", JointState, EACH_STEP, CONTROLLER, fewer_than_states=1)
 APPLIED_COMMAND = Topic("applied_command", JointState, EACH_STEP, PLANT, fewer_than_states=1)
 JOINT_STATES = Topic("joint_states", JointState, EACH_STEP, PLANT)
+DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, EACH_STEP, EVERY_NODE)
 OUTCOME = Topic("outcome", String, LATCHED, PLANT)
 RECORDER_READY = Topic("recorder/ready", String, LATCHED, RECORDER, recorded=False)
+ROLL_CALL = Topic("roll_call", String, CHUNKS, EVERY_NODE, recorded=False)
 
 # In causal order within one step: messages of one instant are recorded in this order.
 TOPICS = (
@@ -84,8 +88,10 @@ TOPICS = (
     TELEMETRY,
     APPLIED_COMMAND,
     JOINT_STATES,
+    DIAGNOSTICS,
     OUTCOME,
     RECORDER_READY,
+    ROLL_CALL,
 )
 RECORDED = tuple(topic for topic in TOPICS if topic.recorded)
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from skydiver_utc.control.delay import DelayCompensation
 from skydiver_utc.control.limits import ControlLimits
 from skydiver_utc.control.open_loop import OpenLoop
 from skydiver_utc.control.pose import PoseController
@@ -32,8 +33,18 @@ def build_reference(scenario: Scenario) -> ReferenceProfile:
     return ReferenceProfile(scenario)
 
 
-def build_controller(scenario: Scenario) -> Controller:
-    """The controller that the scenario names, with the plant as its model where it predicts."""
+def build_controller(scenario: Scenario, delay_steps: int = 0) -> Controller:
+    """The controller that the scenario names, with the plant as its model where it predicts.
+
+    Its commands act `delay_steps` later than they answer: it decides on the state predicted for then.
+    """
+    controller = _controller(scenario)
+    return (
+        controller if delay_steps == 0 else DelayCompensation(controller, build_plant(scenario), delay_steps)
+    )
+
+
+def _controller(scenario: Scenario) -> Controller:
     limits = ControlLimits(
         np.array(scenario.plant.limits.minimum),
         np.array(scenario.plant.limits.maximum),

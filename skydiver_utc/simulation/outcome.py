@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from skydiver_utc.parameters import Scenario
 
 # A body faster than this has left the model, whatever its numbers say.
-_LARGEST_SPEED_M_S = 500.0
-_LARGEST_RATE_RAD_S = 200.0
+LARGEST_SPEED_M_S = 500.0
+LARGEST_RATE_RAD_S = 200.0
 
 
 class Outcome(str, Enum):
@@ -33,9 +33,8 @@ class OutcomeMonitor:
 
     def observe(self, k: int, state: NDArray[np.float64]) -> bool:
         """Take in the state (13,) at step k; False when the flight cannot go on."""
-        speed = float(np.sqrt(state[7:10] @ state[7:10]))
-        rate = float(np.sqrt(state[10:13] @ state[10:13]))
-        if not (speed < _LARGEST_SPEED_M_S and rate < _LARGEST_RATE_RAD_S and np.isfinite(state).all()):
+        speed, rate = speed_and_rate(state)
+        if not (speed < LARGEST_SPEED_M_S and rate < LARGEST_RATE_RAD_S and np.isfinite(state).all()):
             self.outcome = Outcome.DIVERGED
             self.reason = (
                 f"the state left the model at {k * self._dt_s:.3f} s"
@@ -51,6 +50,12 @@ class OutcomeMonitor:
     def end(self, outcome: Outcome, reason: str) -> None:
         """The flight was ended from outside."""
         self.outcome, self.reason = outcome, reason
+
+
+def speed_and_rate(state: NDArray[np.float64]) -> tuple[float, float]:
+    """Speed [m/s] and size of the body rate [rad/s] of a state (13,)."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.sqrt(state[7:10] @ state[7:10])), float(np.sqrt(state[10:13] @ state[10:13]))
 
 
 def world_up(states: NDArray[np.float64]) -> NDArray[np.float64]:

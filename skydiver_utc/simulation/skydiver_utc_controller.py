@@ -67,10 +67,22 @@ class SkydiverUtc:
 
     def reset(self) -> None:
         """Start again; Pu is set at the first decision, because its signs need the reference."""
+        self.resume(self._initial)
+        self._moved = False
+
+    def resume(self, control: Array) -> None:
+        """Start from this control (4,), the one applied last, with Pu as at a flight's first decision.
+
+        Whether the reference has moved the body is not known then; an alpha nearer to that at rest says so.
+        """
         self._prediction.reset()
         self._coupling.reset()
+        self._utc.reset(control, np.zeros((len(CONTROL_NAMES), len(CONTROL_NAMES))))
         self._started = False
-        self._moved = False
+        at_rest = self._alpha_at_rest
+        self._moved = at_rest is not None and bool(
+            abs(control[3] - at_rest) < abs(control[3] - self._initial[3])
+        )
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """One UTC step; after the reference has ended, where the parameters ask for it, the posture at rest."""
@@ -78,7 +90,7 @@ class SkydiverUtc:
         if self._alpha_at_rest is not None and self._moved and not preview.any():
             return self._rest(state, self._alpha_at_rest)
         if not self._started:
-            self._utc.reset(self._initial, self._coupling.initial_covariance(preview))
+            self._utc.reset(self._utc.control, self._coupling.initial_covariance(preview))
             self._started = True
         Qu = self._coupling.process_noise(preview)
         aim = preview[self._horizon]
@@ -86,9 +98,12 @@ class SkydiverUtc:
             aim = preview[0] + self._horizon * (preview[1] - preview[0])
         reference = np.array([aim, *self._kept])
         step = self._utc.step(state, preview, reference, Qu)
-        return Decision(
-            step.control, self._telemetry(step.predicted[0], step.innovation[0], step.repaired), step.status
-        )
+        predicted, innovation = float(step.predicted[0]), float(step.innovation[0])
+        if not np.isfinite(innovation):
+            # The status says that the control was kept; the rate now stands for one that could not be predicted.
+            predicted = float(state[self._tracked])
+            innovation = float(reference[0]) - predicted
+        return Decision(step.control, self._telemetry(predicted, innovation, step.repaired), step.status)
 
     def _rest(self, state: Array, alpha: float) -> Decision:
         """The control that the flight began with, at another pattern angle [rad]; no feedback."""

@@ -18,6 +18,8 @@ from typing import IO, Any
 
 import skydiver_utc
 
+Value = str | bool | int | float | list[str]
+Parameters = dict[str, Value]
 PLANT, REFERENCE, CONTROLLER, RECORDER = "plant", "reference", "controller", "recorder"
 PLAYER = "player"
 _REPORTING = (PLANT, PLAYER)  # their stdout is JSON lines
@@ -57,7 +59,7 @@ class NodeProcesses:
     def __exit__(self, *_: object) -> None:
         self.end()
 
-    def start(self, kind: str, parameters: Mapping[str, str | bool | float | list[str]]) -> None:
+    def start(self, kind: str, parameters: Mapping[str, Value]) -> None:
         """Start ``<kind>_node`` with these ROS parameters; what it reports on stdout is kept for `reports`."""
         command = [sys.executable, "-c", NODE_CODE.format(kind=kind), "--ros-args"]
         for name, value in parameters.items():
@@ -91,6 +93,10 @@ class NodeProcesses:
                 yield from _parsed(self._lines.get_nowait())
         except queue.Empty:
             return
+
+    def pids(self) -> dict[str, int]:
+        """The process of each node."""
+        return {kind: process.pid for kind, process in self._processes.items()}
 
     def ended(self, kind: str) -> bool:
         """True when this node's process has ended and all that it printed has been read."""

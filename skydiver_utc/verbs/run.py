@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Sequence
 from datetime import datetime, timezone
 from pathlib import Path
+from typing import NamedTuple
 
 import click
 
@@ -20,6 +21,7 @@ from skydiver_utc.verbs.node_processes import (
     RECORDER,
     REFERENCE,
     NodeProcesses,
+    Parameters,
     interruptible,
 )
 from skydiver_utc.verbs.ros_environment import node_environment, require_rclpy
@@ -32,6 +34,13 @@ _READY = "[skydiver.recorder]: ready"  # its log line when it hears everything
 _STOPPED = 130
 
 
+class Pace(NamedTuple):
+    """Lockstep or real time, and by how many steps the controller predicts the state ahead."""
+
+    real_time: bool = False
+    delay_steps: int = 0
+
+
 def run(
     scenario_name: str,
     settings: Sequence[str],
@@ -39,6 +48,7 @@ def run(
     folder: Path | None,
     as_json: bool,
     quiet: bool,
+    pace: Pace,
 ) -> int:
     """Fly, record, print the metrics; returns the exit code."""
     scenario = load(scenario_name, settings)
@@ -50,7 +60,7 @@ def run(
         click.echo(f"recording into {folder}, on ROS domain {environment['ROS_DOMAIN_ID']}", err=True)
     with interruptible():
         try:
-            _fly(scenario, folder, environment, quiet)
+            _fly(scenario, folder, environment, quiet, pace)
         except KeyboardInterrupt:
             click.echo(f"stopped: {_whereabouts(folder)}", err=True)
             return _STOPPED
@@ -79,7 +89,7 @@ def check_place(folder: Path) -> None:
         )
 
 
-def _fly(scenario: Scenario, folder: Path, environment: dict[str, str], quiet: bool) -> None:
+def _fly(scenario: Scenario, folder: Path, environment: dict[str, str], quiet: bool, pace: Pace) -> None:
     """Start the nodes, follow the flight to its end, end the nodes."""
     with (
         tempfile.TemporaryDirectory(prefix="skydiver_utc_") as scratch,
@@ -87,14 +97,12 @@ def _fly(scenario: Scenario, folder: Path, environment: dict[str, str], quiet: b
     ):
         resolved = Path(scratch) / "scenario.yaml"
         resolved.write_text(to_yaml(scenario), encoding="utf-8")
-        common: dict[str, str | bool | float | list[str]] = {
-            "scenario": str(resolved),
-            "wait_for_recorder": True,
-        }
+        mode = "real_time" if pace.real_time else "lockstep"
+        common: Parameters = {"scenario": str(resolved), "wait_for_recorder": True}
         nodes.start(RECORDER, {"scenario": str(resolved), "bag_folder": str(folder.absolute())})
-        nodes.start(CONTROLLER, common)
+        nodes.start(CONTROLLER, common | {"mode": mode, "delay_steps": pace.delay_steps})
         nodes.start(REFERENCE, common)
-        nodes.start(PLANT, common | {"progress": True})
+        nodes.start(PLANT, common | {"mode": mode, "progress": True})
         with flight_progress(scenario, quiet) as progress:
             failed = _follow(nodes, progress)
         nodes.end()

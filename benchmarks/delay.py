@@ -1,0 +1,47 @@
+"""What a delay between state and command costs, with and without compensation: ``python benchmarks/delay.py``.
+
+In process and without a clock, so the figures are the same each time: the command that answers the state at k acts
+on [t_k+d, t_k+d+1). A real-time flight in which every command is on time has d = 1.
+"""
+
+from collections import deque
+
+import click
+import numpy as np
+
+from skydiver_utc.parameters import Scenario, load_scenario
+from skydiver_utc.plant.skydiver import RATE_AT
+from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
+
+_FROM_S = 2.0  # as the metrics of a flight count
+
+
+def rmse_deg_s(scenario: Scenario, delay: int, compensated: int) -> float:
+    """Error of the tracked rate from 2 s on, with commands `delay` steps late and `compensated` steps predicted."""
+    plant, reference = build_plant(scenario), build_reference(scenario)
+    controller = build_controller(scenario, compensated)
+    state, held = plant.initial_state(), plant.initial_applied()
+    waiting = deque([held[:4]] * delay)
+    errors = []
+    for k in range(scenario.steps):
+        waiting.append(controller.decide(state, reference.preview(k, controller.preview_steps + 1)).control)
+        before, held = held, plant.actuate(waiting.popleft(), held)
+        state = plant.step(state, before, held)
+        if (k + 1) * scenario.dt_s >= _FROM_S:
+            errors.append(state[RATE_AT[scenario.reference.signal]] - reference.value(k + 1))
+    return float(np.rad2deg(np.sqrt(np.mean(np.square(errors)))))
+
+
+@click.command()
+@click.argument("name", default="fast_turn_unknown_dynamics")
+def main(name: str) -> None:
+    """A table of the RMSE [deg/s] over the delay [steps]."""
+    scenario = load_scenario(name)
+    click.echo("| delay [steps] | RMSE [deg/s] | compensated |\n|---|---|---|")
+    for delay in (0, 1, 2, 5, 20, 50):
+        figures = [rmse_deg_s(scenario, delay, compensated) for compensated in (0, delay)]
+        click.echo(f"| {delay} | {figures[0]:.2f} | {figures[1]:.2f} |")
+
+
+if __name__ == "__main__":
+    main()

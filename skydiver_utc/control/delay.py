@@ -1,0 +1,77 @@
+"""Delay compensation around any controller: decide on the state predicted for when the command will act."""
+
+from collections import deque
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.control.protocol import Controller, Decision
+
+Array = NDArray[np.float64]
+
+
+class PlantModel(Protocol):
+    """What the prediction takes of the plant; the actuators' positions are (5,) or what the plant has."""
+
+    def initial_applied(self) -> Array:
+        """What the actuators hold before step 0."""
+        ...
+
+    def actuate(self, command: Array, before: Array) -> Array:
+        """What the actuators make of a command (4,)."""
+        ...
+
+    def step(self, state: Array, before: Array, applied: Array) -> Array:
+        """State (13,) one dt later."""
+        ...
+
+
+class DelayCompensation:
+    """A controller whose command for the state at k acts from t_k+d on, d = `delay_steps`.
+
+    The d commands decided before are those that act on [t_k, t_k+d): the model is driven by them from the state at
+    k to k+d, and the inner controller decides there, with the reference from k+d on.
+    """
+
+    def __init__(self, inner: Controller, model: PlantModel, delay_steps: int) -> None:
+        self._inner = inner
+        self._model = model
+        self._delay = delay_steps
+        self.preview_steps = inner.preview_steps + delay_steps
+        self.telemetry_names = inner.telemetry_names
+        self._held: Array  # what the actuators hold before step k
+        self._on_their_way: deque[Array]  # commands for the steps k .. k+d-1
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the flight so far: the initial control acts until the first command does."""
+        self._inner.reset()
+        self._begin(self._model.initial_applied())
+
+    def resume(self, control: Array) -> None:
+        """Come into a flight in which this control (4,) acts, its alpha at rest."""
+        self._inner.resume(control)
+        held = self._model.initial_applied()
+        held[: len(control)] = control
+        held[len(control) :] = 0.0
+        self._begin(held)
+
+    def decide(self, state: Array, preview: Array) -> Decision:
+        """Decide at k + d; `preview` begins at k."""
+        decision = self._inner.decide(self._ahead(state), preview[self._delay :])
+        self._held = self._model.actuate(self._on_their_way.popleft(), self._held)
+        self._on_their_way.append(decision.control.copy())
+        return decision
+
+    def _begin(self, held: Array) -> None:
+        self._held = held
+        self._on_their_way = deque([held[:4].copy()] * self._delay)
+
+    def _ahead(self, state: Array) -> Array:
+        before = self._held
+        for command in self._on_their_way:
+            applied = self._model.actuate(command, before)
+            state = self._model.step(state, before, applied)
+            before = applied
+        return state

@@ -1,0 +1,89 @@
+"""Delay compensation against the plant itself: with a perfect model the prediction is the state to come."""
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+import pytest
+
+from skydiver_utc.control.protocol import Decision, Status
+from skydiver_utc.parameters import Scenario, load_scenario
+from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
+from skydiver_utc.simulation.closed_loop import simulate
+
+SCENARIO = "fast_turn_unknown_dynamics"
+
+
+def fly_delayed(scenario: Scenario, controller: Any, delay: int) -> tuple[Any, Any]:
+    """States and applied (5,) of a flight in which the command for k acts on [t_k+delay, t_k+delay+1)."""
+    plant, reference = build_plant(scenario), build_reference(scenario)
+    state, held = plant.initial_state(), plant.initial_applied()
+    waiting = deque([held[:4]] * delay)
+    states, applied = [state], [held]
+    for k in range(scenario.steps):
+        waiting.append(controller.decide(state, reference.preview(k, controller.preview_steps + 1)).control)
+        before, held = held, plant.actuate(waiting.popleft(), held)
+        state = plant.step(state, before, held)
+        states.append(state)
+        applied.append(held)
+    return np.array(states), np.array(applied)
+
+
+class Spy:
+    """Asks for a moving control and remembers the state and preview that it was shown."""
+
+    preview_steps = 3
+    telemetry_names = ()
+
+    def __init__(self) -> None:
+        self.shown: list[Any] = []
+        self.resumed: Any = None
+
+    def reset(self) -> None:
+        pass
+
+    def resume(self, control: Any) -> None:
+        self.resumed = control
+
+    def decide(self, state: Any, preview: Any) -> Decision:
+        self.shown.append((state.copy(), preview.copy()))
+        alpha = np.sin(0.05 * len(self.shown))
+        return Decision(np.array([3.0, 0.2, 0.1, alpha]), np.empty(0), Status.SOLVED)
+
+
+@pytest.mark.parametrize("delay", [1, 2, 5])
+def test_the_controller_decides_on_the_state_to_come(delay: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = load_scenario(SCENARIO, {"duration_s": 1.0})
+    spy = Spy()
+    monkeypatch.setattr("skydiver_utc.simulation.build._controller", lambda _: spy)
+    controller = build_controller(scenario, delay)
+    assert controller.preview_steps == spy.preview_steps + delay
+    states, _ = fly_delayed(scenario, controller, delay)
+    reference = build_reference(scenario)
+    for k, (state, preview) in enumerate(spy.shown[: scenario.steps - delay]):
+        assert state.tobytes() == states[k + delay].tobytes()
+        assert preview.tobytes() == reference.preview(k + delay, spy.preview_steps + 1).tobytes()
+
+
+def test_after_resuming_the_held_control_is_that_of_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = load_scenario(SCENARIO, {"duration_s": 0.1})
+    spy = Spy()
+    monkeypatch.setattr("skydiver_utc.simulation.build._controller", lambda _: spy)
+    controller = build_controller(scenario, 2)
+    held = np.array([4.0, 0.3, 0.0, 0.5])
+    controller.resume(held)
+    plant = build_plant(scenario)
+    state = plant.initial_state()
+    controller.decide(state, np.zeros(6))
+    before = np.append(held, 0.0)
+    for _ in range(2):
+        applied = plant.actuate(held, before)
+        state, before = plant.step(state, before, applied), applied
+    assert spy.shown[0][0].tobytes() == state.tobytes()
+    assert spy.resumed.tolist() == held.tolist()
+
+
+def test_without_a_delay_nothing_is_wrapped() -> None:
+    scenario = load_scenario(SCENARIO, {"duration_s": 0.5})
+    states, _ = fly_delayed(scenario, build_controller(scenario, 0), 0)
+    assert states.tobytes() == simulate(scenario).states.tobytes()

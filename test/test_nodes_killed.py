@@ -1,0 +1,240 @@
+"""Each node killed (-9) in mid-flight and started again, as processes of their own."""
+
+import json
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from ros_fixtures import NodeProcess, Partner, Processes, Ros, overrides
+
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.lockstep_controller import ControllerNode
+from skydiver_utc.nodes.lockstep_plant import PlantNode
+from skydiver_utc.nodes.messages import NamedValuesWriter, StateWriter, read_named_values
+from skydiver_utc.nodes.preview import PreviewWriter
+from skydiver_utc.nodes.stamps import StepGrid
+from skydiver_utc.parameters import load_scenario, scenario_names
+from skydiver_utc.plant.skydiver import CONTROL_NAMES
+from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
+from skydiver_utc.simulation.closed_loop import simulate
+
+pytest_plugins = ("ros_fixtures",)
+
+DURATION_S = 1.5
+KILLED_AT = 100
+
+
+class Flight:
+    """Plant, reference and controller as processes; a partner of this process watches."""
+
+    def __init__(
+        self, ros: Ros, processes: Processes, duration_s: float = DURATION_S, **extra: object
+    ) -> None:
+        self.ros, self.processes = ros, processes
+        self.given = overrides(duration_s)
+        self.scenario = load_scenario("fast_turn_unknown_dynamics", {"duration_s": duration_s})
+        self.grid = StepGrid(self.scenario)
+        self.watcher: Partner = ros.partner("watcher")
+        self.states = self.watcher.hear(topics.STATE)
+        self.commands = self.watcher.hear(topics.COMMAND)
+        self.applied = self.watcher.hear(topics.APPLIED_COMMAND)
+        self.outcomes = self.watcher.hear(topics.OUTCOME)
+        plant = {"command_timeout_s": 0.5, "command_retries": 200}
+        self.nodes = {"plant": processes.start("plant", self.given | plant | extra)}
+        for kind in ("controller", "reference"):
+            self.start(kind)
+
+    def start(self, kind: str) -> NodeProcess:
+        self.nodes[kind] = self.processes.start(kind, self.given)
+        return self.nodes[kind]
+
+    def step(self) -> int:
+        return self.grid.step_of(self.states[-1].header.stamp) if self.states else -1
+
+    def kill(self, kind: str, at: int = KILLED_AT) -> None:
+        self.ros.spin_until(lambda: self.step() >= at)
+        self.nodes[kind].kill()
+
+    def outcome(self) -> dict[str, Any]:
+        self.ros.spin_until(lambda: self.outcomes)
+        return dict(json.loads(self.outcomes[-1].data))
+
+
+def controls(messages: list[Any], grid: StepGrid) -> dict[int, Any]:
+    """The first control of each step."""
+    by_step: dict[int, Any] = {}
+    for message in messages:
+        by_step.setdefault(grid.step_of(message.header.stamp), read_named_values(message, CONTROL_NAMES))
+    return by_step
+
+
+def test_a_controller_killed_and_started_again_goes_on_from_the_applied_command(
+    ros: Ros, processes: Processes
+) -> None:
+    flight = Flight(ros, processes)
+    flight.kill("controller")
+    controller = flight.start("controller")
+    assert flight.outcome()["outcome"] == "completed"
+    ros.spin_until(lambda: flight.step() == flight.scenario.steps)
+    assert "goes on from the command applied at step" in controller.output
+    commands, applied = controls(flight.commands, flight.grid), controls(flight.applied, flight.grid)
+    assert sorted(commands) == list(range(flight.scenario.steps))
+    simulated = simulate(flight.scenario)
+    killed = next(k for k in commands if commands[k].tobytes() != simulated.commands[k].tobytes())
+    assert killed >= KILLED_AT
+    slew = flight.scenario.plant.limits.alpha_rate * flight.scenario.dt_s
+    assert abs(commands[killed][3] - applied[killed - 1][3]) <= slew + 1e-12
+
+
+def test_a_reference_killed_and_started_again_is_heard(ros: Ros, processes: Processes) -> None:
+    flight = Flight(ros, processes)
+    flight.kill("reference", at=10)
+    flight.start("reference")
+    assert flight.outcome()["outcome"] == "completed"
+    ros.spin_until(lambda: flight.step() == flight.scenario.steps)
+    simulated = simulate(flight.scenario).commands
+    commands = controls(flight.commands, flight.grid)
+    assert np.array([commands[k] for k in range(len(simulated))]).tobytes() == simulated.tobytes()
+
+
+def test_when_the_plant_is_killed_the_others_say_so_and_serve_the_next_one(
+    ros: Ros, processes: Processes
+) -> None:
+    flight = Flight(ros, processes, duration_s=4.0)
+    flight.kill("plant")
+    flight.nodes["controller"].wait_for_output("the plant has stopped or died")
+    flight.nodes["reference"].wait_for_output("the plant waits, has stopped or died")
+    assert flight.outcomes == []
+    flight.start("plant")
+    assert flight.outcome()["outcome"] == "completed"
+    assert flight.nodes["plant"].wait() == 0
+    for kind in ("controller", "reference"):
+        flight.nodes[kind].signal(signal.SIGTERM)
+        assert flight.nodes[kind].wait() == 0, flight.nodes[kind].output
+
+
+def test_a_recorder_that_is_killed_does_not_stop_the_flight(
+    ros: Ros, processes: Processes, tmp_path: Path
+) -> None:
+    """The flight is longer than what a publisher keeps for a listener that does not acknowledge."""
+    duration_s = 6.0
+    given = overrides(duration_s, wait_for_recorder=True)
+    recorder = processes.start("recorder", overrides(duration_s, bag_folder=tmp_path / "bag"))
+    flight = Flight(ros, processes, duration_s, wait_for_recorder=True)
+    for kind in ("controller", "reference"):
+        flight.nodes[kind].kill()
+        flight.nodes[kind] = processes.start(kind, given)
+    ros.spin_until(lambda: flight.step() >= KILLED_AT)
+    recorder.kill()
+    told = flight.outcome()
+    assert (told["outcome"], told["states"]) == ("completed", flight.scenario.steps + 1)
+    assert flight.scenario.steps - KILLED_AT > topics.EACH_STEP.depth
+
+
+class Rejoining:
+    """A controller in this process that hears of a flight only at step 60."""
+
+    def __init__(self, ros: Ros, **parameters: object) -> None:
+        self.node: ControllerNode = ros.add(ControllerNode(ros.context, overrides(1.0, **parameters)))
+        self.ros = ros
+        self.scenario = self.node.scenario
+        self.plant = ros.partner("plant")
+        self.commands = self.plant.hear(topics.COMMAND)
+        preview = build_reference(self.scenario).preview(0, 600)
+        self.plant.sends(topics.REFERENCE_PREVIEW).publish(
+            PreviewWriter(self.node.grid, "yaw_rate", 600).fill(0, preview)
+        )
+        self.states = self.plant.sends(topics.STATE)
+        self.applied = self.plant.sends(topics.APPLIED_COMMAND)
+        self.state = build_plant(self.scenario).initial_state()
+        ros.spin_until(self.states.get_subscription_count)
+
+    def send(self, k: int) -> None:
+        self.states.publish(StateWriter(self.node.grid).fill(k, self.state))
+
+    def apply(self, k: int, control: Any) -> None:
+        self.applied.publish(NamedValuesWriter(self.node.grid, CONTROL_NAMES).fill(k, control))
+
+    def answer(self) -> Any:
+        self.ros.spin_until(lambda: self.commands)
+        return read_named_values(self.commands[-1], CONTROL_NAMES)
+
+    def expected(self, k: int, begin: Any = None) -> Any:
+        controller = build_controller(self.scenario)
+        if begin is not None:
+            controller.resume(begin)
+        preview = build_reference(self.scenario).preview(k, controller.preview_steps + 1)
+        return controller.decide(self.state, preview).control
+
+
+def controller_of(name: str) -> str:
+    return str(load_scenario(name).controller.__struct_config__.tag)
+
+
+HELD = np.array([0.7, 0.2, 0.1, -0.4])
+
+
+@pytest.mark.parametrize("scenario", ["fast_turn_unknown_dynamics", "fast_turn_pose_only"])
+def test_the_first_answer_follows_from_what_is_applied(ros: Ros, scenario: str) -> None:
+    stage = Rejoining(ros, scenario=scenario, rejoin_wait_s=1000.0)
+    stage.send(60)
+    ros.spin_until(stage.applied.get_subscription_count)
+    assert stage.commands == []
+    stage.apply(59, HELD)
+    assert stage.answer().tobytes() == stage.expected(60, HELD).tobytes()
+    assert stage.answer().tobytes() != stage.expected(60).tobytes()
+    ros.spin_until(lambda: stage.applied.get_subscription_count() == 0)  # costs nothing from then on
+
+
+@pytest.mark.parametrize("kind", ["utc", "pose", "lqr", "gauss_newton", "mppi"])
+def test_every_controller_goes_on_from_the_applied_command(kind: str) -> None:
+    """The first alpha is within one slew of what is held, wherever the flight before had led the controller."""
+    scenario = load_scenario(next(name for name in scenario_names() if controller_of(name) == kind))
+    controller = build_controller(scenario)
+    state = build_plant(scenario).initial_state()
+    preview = build_reference(scenario).preview(0, controller.preview_steps + 1)
+    for _ in range(3):
+        controller.decide(state, preview)
+    controller.resume(HELD)
+    decided = controller.decide(state, preview).control
+    assert abs(decided[3] - HELD[3]) <= scenario.plant.limits.alpha_rate * scenario.dt_s + 1e-12
+    controller.reset()
+    again = controller.decide(state, preview).control
+    assert again.tobytes() == build_controller(scenario).decide(state, preview).control.tobytes()
+
+
+def test_without_a_word_on_what_is_applied_it_begins_from_the_initial_control(ros: Ros) -> None:
+    stage = Rejoining(ros, rejoin_wait_s=0.3)
+    stage.send(60)
+    assert stage.answer().tobytes() == stage.expected(60).tobytes()
+
+
+def test_a_flight_heard_from_its_first_step_asks_nothing(ros: Ros) -> None:
+    stage = Rejoining(ros, rejoin_wait_s=1000.0)
+    stage.send(0)
+    stage.answer()
+    stage.send(1)
+    ros.spin_until(lambda: len(stage.commands) == 2)
+    assert stage.applied.get_subscription_count() == 0
+
+
+def test_a_late_plant_sends_what_it_holds_with_the_state(ros: Ros) -> None:
+    plant = ros.add(PlantNode(ros.context, overrides(command_timeout_s=0.2, command_retries=1000)))
+    watcher = ros.partner("controller")
+    sender = watcher.sends(topics.COMMAND)
+    write = NamedValuesWriter(plant.grid, CONTROL_NAMES).fill
+    answered: list[int] = []
+
+    def answer(message: Any) -> None:
+        k = plant.grid.step_of(message.header.stamp)
+        if k < 5:
+            answered.append(k)
+            sender.publish(write(k, HELD))
+
+    applied = watcher.hear(topics.APPLIED_COMMAND)
+    watcher.hear(topics.STATE, answer)
+    ros.spin_until(lambda: plant.sent_again == 2)
+    ros.spin_until(lambda: [plant.grid.step_of(m.header.stamp) for m in applied] == [0, 1, 2, 3, 4, 4, 4])
+    assert read_named_values(applied[-1], CONTROL_NAMES).tobytes() == plant._applied[:4].tobytes()

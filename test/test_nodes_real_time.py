@@ -1,0 +1,235 @@
+"""Flights in real time: no assertion here that a busy machine can fail.
+
+How many commands are on time depends on the machine; that every step is accounted for and that the skydiver stays
+belly to earth does not.
+"""
+
+import json
+import random
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from ros_fixtures import Processes, Ros, overrides
+
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.lockstep_controller import ControllerNode
+from skydiver_utc.nodes.lockstep_plant import PlantNode
+from skydiver_utc.nodes.messages import read_named_values, read_state
+from skydiver_utc.nodes.preview_publisher import ReferenceNode
+from skydiver_utc.nodes.stamps import StepGrid
+from skydiver_utc.parameters import load_scenario
+from skydiver_utc.plant.skydiver import CONTROL_NAMES
+from skydiver_utc.simulation.build import build_plant
+from skydiver_utc.simulation.closed_loop import simulate
+from skydiver_utc.simulation.outcome import Outcome, dorsal_axis_height
+
+pytest_plugins = ("ros_fixtures",)
+
+SCENARIO = "fast_turn_unknown_dynamics"
+
+
+class Watched:
+    """Everything that was heard of one real-time flight."""
+
+    def __init__(self, ros: Ros, duration_s: float) -> None:
+        self.ros = ros
+        self.scenario = load_scenario(SCENARIO, {"duration_s": duration_s})
+        self.grid = StepGrid(self.scenario)
+        watcher = ros.partner("watcher")
+        self.states = watcher.hear(topics.STATE)
+        self.applied = watcher.hear(topics.APPLIED_COMMAND)
+        self.outcomes = watcher.hear(topics.OUTCOME)
+
+    def until_step(self, k: int) -> int:
+        """Wait for a step; returns the newest one."""
+        self.ros.spin_until(lambda: self.states and self.step() >= k)
+        return self.step()
+
+    def step(self) -> int:
+        return self.grid.step_of(self.states[-1].header.stamp)
+
+    def ended(self) -> dict[str, Any]:
+        """The outcome, once everything is there: each step with its state and what was applied."""
+        self.ros.spin_until(lambda: self.outcomes)
+        told = json.loads(self.outcomes[-1].data)
+        steps = told["states"] - 1
+        self.ros.spin_until(lambda: len({self.grid.step_of(m.header.stamp) for m in self.applied}) == steps)
+        self.ros.spin_until(lambda: self.step() == steps)
+        assert told["real_time"]["steps"] == steps == self.scenario.steps
+        account = told["real_time"]
+        assert sum(account[name] for name in ("on_time", "late", "stale", "lost")) == steps
+        return dict(told)
+
+    def heights(self) -> Any:
+        return dorsal_axis_height(np.array([read_state(message) for message in self.states]))
+
+    def applied_control(self, k: int) -> Any:
+        message = next(m for m in self.applied if self.grid.step_of(m.header.stamp) == k)
+        return read_named_values(message, CONTROL_NAMES)
+
+
+def test_a_flight_stays_belly_to_earth_and_every_step_is_accounted_for(
+    ros: Ros, processes: Processes
+) -> None:
+    flight = Watched(ros, 4.0)
+    given = overrides(4.0, mode="real_time")
+    plant = processes.start("plant", given | {"progress": True})
+    processes.start("controller", given | {"delay_steps": 1})
+    processes.start("reference", overrides(4.0))
+    told = flight.ended()
+    assert told["outcome"] in (
+        "completed",
+        "no_command",
+    )  # the latter where the machine starved the controller
+    assert flight.heights().min() > 0.0
+    assert told["wall_time_s"] >= flight.scenario.steps * flight.scenario.dt_s - 0.01
+    assert plant.wait() == (0 if told["outcome"] == "completed" else 1)
+    told_by_plant = [json.loads(line) for line in plant.output.splitlines() if line.startswith("{")][-1]
+    assert told_by_plant == told
+
+
+def test_a_controller_stalled_for_100_ms_and_for_5_s(ros: Ros, processes: Processes) -> None:
+    """The plant bridges the first with the last command, falls neutral in the second, then turns again."""
+    flight = Watched(ros, 16.0)
+    given = overrides(16.0, mode="real_time")
+    processes.start("plant", given)
+    processes.start("reference", overrides(16.0))
+    controller = processes.start("controller", given)
+
+    def stall(begin: int, steps: int) -> int:
+        flight.until_step(begin)
+        controller.signal(signal.SIGSTOP)
+        end = flight.until_step(flight.step() + steps)
+        controller.signal(signal.SIGCONT)
+        return end
+
+    stall(200, 24)
+    end = stall(500, 1191)
+    controller.wait_for_output("goes on from the command applied at step")
+    told = flight.ended()
+    account = told["real_time"]
+    assert account["longest_silence_steps"] > 1000
+    assert account["neutral_steps"] > 900
+    assert account["late"] + account["lost"] > 1000
+    initial = build_plant(flight.scenario).initial_control()
+    neutral = flight.applied_control(end - 20)
+    assert neutral[[0, 1, 2]].tolist() == [initial[0], 0.0, 0.0]
+    assert neutral[3] == pytest.approx(0.0, abs=1e-3)
+    assert flight.heights().min() > 0.0
+    assert told["outcome"] in ("completed", "no_command")
+    assert "in the neutral posture" in told["reason"]
+
+
+def test_when_the_controller_dies_the_skydiver_falls_on_neutral_and_the_outcome_says_so(
+    ros: Ros, processes: Processes
+) -> None:
+    flight = Watched(ros, 4.0)
+    given = overrides(4.0, mode="real_time")
+    plant = processes.start("plant", given)
+    processes.start("reference", overrides(4.0))
+    controller = processes.start("controller", given)
+    flight.until_step(100)
+    controller.kill()
+    told = flight.ended()
+    assert told["outcome"] == "no_command"
+    assert "the skydiver fell on in the neutral posture" in told["reason"]
+    assert flight.heights().min() > 0.0
+    assert plant.wait() == 1
+
+
+class Lossy:
+    """A publisher that loses one message in ten."""
+
+    def __init__(self, publisher: Any, seed: int) -> None:
+        self._publisher = publisher
+        self._random = random.Random(seed)
+        self.lost = 0
+
+    def publish(self, message: Any) -> None:
+        if self._random.random() < 0.1:
+            self.lost += 1
+        else:
+            self._publisher.publish(message)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._publisher, name)
+
+
+def lossy_flight(ros: Ros, **parameters: object) -> tuple[PlantNode, list[Lossy]]:
+    given = overrides(1.0, **parameters)
+    plant = ros.add(PlantNode(ros.context, given | {"command_timeout_s": 0.05, "command_retries": 1000}))
+    mode = {"mode": parameters["mode"]} if "mode" in parameters else {}
+    controller = ros.add(ControllerNode(ros.context, overrides(1.0, **mode)))
+    ros.add(ReferenceNode(ros.context, overrides(1.0)))
+    plant._states = Lossy(plant._states, 1)
+    controller._commands = Lossy(controller._commands, 2)
+    ros.spin_until(lambda: plant.finished)
+    return plant, [plant._states, controller._commands]
+
+
+def test_in_lockstep_a_tenth_of_the_messages_lost_changes_no_bit(ros: Ros) -> None:
+    plant, lossy = lossy_flight(ros)
+    assert plant.outcome is Outcome.COMPLETED
+    assert min(link.lost for link in lossy) > 5
+    assert plant.sent_again > 10
+    flight = simulate(load_scenario(SCENARIO, {"duration_s": 1.0}))
+    assert plant._state.tobytes() == flight.states[-1].tobytes()
+
+
+def test_in_real_time_a_tenth_of_the_messages_lost_is_counted(ros: Ros) -> None:
+    plant, lossy = lossy_flight(ros, mode="real_time")
+    assert plant.outcome in (Outcome.COMPLETED, Outcome.NO_COMMAND)
+    assert plant._real_time is not None
+    account = plant._real_time.accounts.told()
+    assert (
+        account["lost"] >= lossy[1].lost - 2
+    )  # the answers to the first and to the last state act on no step
+    assert account["on_time"] + account["late"] + account["stale"] + account["lost"] == plant.scenario.steps
+    assert dorsal_axis_height(plant._state) > 0.0
+
+
+def test_without_a_first_command_the_clock_does_not_begin(ros: Ros) -> None:
+    plant = ros.add(
+        PlantNode(ros.context, overrides(mode="real_time", command_timeout_s=0.05, command_retries=3))
+    )
+    partner = ros.partner("controller")
+    partner.sends(topics.COMMAND)
+    states = partner.hear(topics.STATE)
+    ros.spin_until(lambda: plant.finished)
+    assert (plant.outcome, plant.k) == (Outcome.NO_COMMAND, 0)
+    assert "no command for step 0" in plant.reason
+    ros.spin_until(lambda: len(states) == 4)
+
+
+def test_the_controller_answers_the_newest_of_the_states_that_wait(ros: Ros) -> None:
+    from test_nodes_controller import Stage
+
+    stage = Stage(ros, mode="real_time").ready()
+    for k in range(8):
+        stage.states.publish(stage.state_message(k))
+    ros.spin_until(lambda: stage.commands and stage.node.answered == 7)
+    assert len(stage.answered(1)) < 8
+    assert stage.node.passed_over > 0
+
+
+def test_a_recorded_flight_is_analysed_though_commands_are_missing(ros: Ros, tmp_path: Path) -> None:
+    from skydiver_utc.analysis.recorded_flight import read_flight
+    from skydiver_utc.nodes.bag_recorder import RecorderNode
+
+    given = overrides(0.5, wait_for_recorder=True)
+    recorder = ros.add(RecorderNode(ros.context, overrides(0.5, bag_folder=str(tmp_path / "bag"))))
+    plant = ros.add(PlantNode(ros.context, given | {"mode": "real_time"}))
+    ros.add(ReferenceNode(ros.context, given))
+    controller = ros.add(ControllerNode(ros.context, given | {"mode": "real_time"}))
+    controller._commands = Lossy(controller._commands, 3)
+    ros.spin_until(lambda: plant.finished and recorder.finished)
+    ros.spin_for(0.3)
+    recorder.close()
+    flight = read_flight(tmp_path / "bag")
+    assert flight.commands.shape == (plant.scenario.steps, 4)
+    assert np.isfinite(flight.commands).all()
+    assert flight.states[-1].tobytes() == plant._state.tobytes()
+    assert flight.outcome is plant.outcome
