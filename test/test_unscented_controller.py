@@ -452,7 +452,7 @@ def test_a_jitted_plant_beside_an_output_that_cannot_be_compiled_is_named():
 def test_the_quick_start_runs_as_printed(capsys):
     """At most 25 lines; the pendulum hangs at 1 rad under 9.81 sin(1) = 8.255."""
     page = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-    code = page.partition("## Quick start")[2].partition("```python\n")[2].partition("```")[0]
+    code = page.partition("## UTC on your own plant")[2].partition("```python\n")[2].partition("```")[0]
     assert 10 < len(code.splitlines()) <= 25
     exec(code, {})
     first, second = capsys.readouterr().out.splitlines()
