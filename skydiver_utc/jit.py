@@ -1,7 +1,8 @@
 """How every kernel is compiled and where the result is kept.
 
 Contraction, reassociation and unsigned zeros let the loops over the segments become vector code; NaN and
-infinity keep their meaning, so that checks for them work. Kernels are inlined into those that call them: otherwise
+infinity keep their meaning, so that comparisons with them work (np.isfinite of a sum may be folded away: write
+abs(x) < inf). Kernels are inlined into those that call them: otherwise
 the order of additions, and with it the last bit, would depend on whether the callee came from the cache.
 Numba renews a cached kernel when its own file changes, but not when a kernel that it calls from another file
 does; so the cache lies in a folder named after the contents of all rooms that hold kernels or their constants.

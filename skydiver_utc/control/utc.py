@@ -256,9 +256,10 @@ def update(
         for i in range(n):
             control[a] += gain[a, i] * innovation[i]
     for a in range(m):
-        if not np.isfinite(control[a]):
+        # Comparisons, because the compiler may fold np.isfinite (x - x == 0) of a sum.
+        if not abs(control[a]) < np.inf:
             return False
         for b in range(m):
-            if not np.isfinite(covariance[a, b]):
+            if not abs(covariance[a, b]) < np.inf:
                 return False
     return True
