@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -18,6 +17,7 @@ from skydiver_utc.plant.pattern_effect import EFFECTS, pattern_effect
 from skydiver_utc.recording.joint_angles import JointAngles, read_joint_angles
 from skydiver_utc.verbs.errors import VerbError
 from skydiver_utc.verbs.parameter_file import DECIMALS, name_of, write
+from skydiver_utc.verbs.screen import show_tables
 from skydiver_utc.verbs.settings import load
 
 Array = NDArray[np.float64]
@@ -121,4 +121,4 @@ def _show(rows: Sequence[dict[str, Any]], about: str) -> None:
             f"{low:.3f} to {high:.3f}",
             row["effect"],
         )
-    Console().print(table)
+    show_tables(table)

@@ -15,6 +15,7 @@ from skydiver_utc.plant.skydiver import SkydiverPlant
 from skydiver_utc.plant.steady import HeldBody, SteadyFall, straight_falls
 from skydiver_utc.plant.trim import in_straight_fall
 from skydiver_utc.plant.yaw import steady_turns
+from skydiver_utc.verbs.screen import show_tables
 from skydiver_utc.verbs.settings import load
 
 # Shares of the smallest and of the largest pattern angle that are told.
@@ -76,14 +77,13 @@ def _of_steady(held: HeldBody, fall: SteadyFall) -> dict[str, Any]:
 
 
 def _show(values: dict[str, Any]) -> None:
-    console = Console()
     about = (
         f"{values['pattern']}: {values['description']}",
         values["source"],
         f"shown for posture {values['posture']}, subject {values['subject']}, suit {values['suit']}",
     )
-    console.print(*map(Text, about), sep="\n", soft_wrap=True)
-    console.print(_at_once(values["at"]), _in_the_end(values))
+    Console().print(*map(Text, about), sep="\n", soft_wrap=True)
+    show_tables(_at_once(values["at"]), _in_the_end(values))
 
 
 def _table(title: str) -> Table:

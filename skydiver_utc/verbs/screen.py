@@ -4,7 +4,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from rich.cells import cell_len
 from rich.console import Console
+from rich.measure import Measurement
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
@@ -13,6 +15,8 @@ from skydiver_utc.analysis.labels import rows
 from skydiver_utc.parameters import Scenario
 
 Progressed = Callable[[int, int], None]  # told (steps done, steps in all)
+# Wider than any table [columns].
+_WIDEST = 1000
 
 
 @contextmanager
@@ -49,9 +53,20 @@ def show_metrics(values: dict[str, Any], title: str) -> None:
     table.add_row("outcome", Text(values["outcome"], style=style), "")
     for row in rows(values):
         table.add_row(*row)
+    show_tables(table)
+    Console().print(Text(values["reason"]), soft_wrap=True)
+
+
+def show_tables(*tables: Table) -> None:
+    """Print tables on stdout; on a narrow screen their lines are too long, but no word is cut."""
     console = Console()
-    console.print(table)
-    console.print(Text(values["reason"]), soft_wrap=True)
+    for table in tables:
+        for column in table.columns:
+            lines = [line for cell in (column.header, *column.cells) for line in str(cell).splitlines()]
+            whole = lines if column.no_wrap else [word for line in lines for word in line.split()]
+            column.min_width = max(map(cell_len, whole), default=0)
+        least = Measurement.get(console, console.options.update(max_width=_WIDEST), table).minimum
+        Console(width=max(console.width, least)).print(table, crop=False)
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from skydiver_utc.plant.modes import Mode, modes
 from skydiver_utc.plant.steady import HeldBody, SteadyFall, straight_falls
 from skydiver_utc.plant.trim import in_straight_fall
 from skydiver_utc.plant.yaw import steady_yaw_rates, yaw_acceleration
-from skydiver_utc.verbs.screen import flight_progress
+from skydiver_utc.verbs.screen import flight_progress, show_tables
 from skydiver_utc.verbs.settings import load
 
 Array = NDArray[np.float64]
@@ -149,7 +149,7 @@ def _of_turning(model: PlantModel, fall: SteadyFall) -> dict[str, Any]:
 
 def _show(values: dict[str, Any]) -> None:
     console = Console()
-    console.print(_table_of_fall(values), _table_of_modes(values), _table_of_turning(values))
+    show_tables(_table_of_fall(values), _table_of_modes(values), _table_of_turning(values))
     if "reachable_turn_deg_s" in values:
         reached = f"largest fast turn that is tracked: {values['reachable_turn_deg_s']} deg/s"
         console.print(Text(reached), soft_wrap=True)
@@ -184,8 +184,10 @@ def _table_of_fall(values: dict[str, Any]) -> Table:
     table.add_row("inertia Ixy Ixz Iyz", _numbers([inertia[0][1], inertia[0][2], inertia[1][2]], 2), "kg m2")
     table.add_row("speed", f"{values['speed_m_s']:.2f}", "m/s")
     table.add_row("fall rate", f"{values['fall_rate_m_s']:.2f}", "m/s")
-    table.add_row("glide angle", f"{values['glide_angle_deg']:.2f}", f"deg, {values['glide_direction']}")
-    table.add_row("pitch, head low", f"{values['pitch_deg']:.2f}", "deg")
+    table.add_row(
+        "glide angle", _numbers([values["glide_angle_deg"]], 2), f"deg, {values['glide_direction']}"
+    )
+    table.add_row("pitch, head low", _numbers([values["pitch_deg"]], 2), "deg")
     table.add_row("left of linear acceleration", f"{values['residual_m_s2']:.1e}", "m/s2")
     table.add_row("left of angular acceleration", f"{values['residual_rad_s2']:.1e}", "rad/s2")
     return table
@@ -193,7 +195,7 @@ def _table_of_fall(values: dict[str, Any]) -> Table:
 
 def _table_of_modes(values: dict[str, Any]) -> Table:
     table = _table(f"Modes at Cm_damp_yaw = {values['Cm_damp_yaw']:g}", True)
-    table.add_column("mode", no_wrap=True)
+    table.add_column("mode")
     for unit in ("eigenvalue\n1/s", "time\nconst. s", "frequency\nHz", "damping\nratio"):
         table.add_column(unit, justify="right", no_wrap=True)
     table.add_column("", no_wrap=True)
@@ -215,14 +217,14 @@ def _table_of_modes(values: dict[str, Any]) -> Table:
 def _table_of_turning(values: dict[str, Any]) -> Table:
     turning = values["turning"]
     table = _table(
-        f"Steady yaw rate, deg/s; at once {turning['yaw_acceleration_rad_s2']:.2f} rad/s2",
+        f"Steady yaw rate, deg/s; at once {_numbers([turning['yaw_acceleration_rad_s2']], 2)} rad/s2",
         True,
     )
     table.add_column("Cm_damp_yaw", justify="right")
     for alpha in turning["alpha_rad"]:
         table.add_column(f"alpha\n{alpha:g} rad", justify="right")
     for row in turning["steady"]:
-        rates = ("none" if rate is None else f"{rate:.1f}" for rate in row["yaw_rate_deg_s"])
+        rates = ("none" if rate is None else _numbers([rate], 1) for rate in row["yaw_rate_deg_s"])
         table.add_row(f"{row['Cm_damp_yaw']:g}", *rates)
     return table
 
