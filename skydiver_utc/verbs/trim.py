@@ -164,7 +164,9 @@ def _show(values: dict[str, Any]) -> None:
 
 
 def _table(title: str, header: bool) -> Table:
-    return Table(title=Text(title), title_justify="left", title_style="bold", show_header=header)
+    return Table(
+        title=Text(title), title_justify="left", title_style="bold", show_header=header, pad_edge=False
+    )
 
 
 def _table_of_fall(values: dict[str, Any]) -> Table:
