@@ -10,6 +10,7 @@ from skydiver_utc.parameters import ParameterError, load_scenario
 from skydiver_utc.plant.dynamics import GEOMETRY_SIZE, posture_geometry
 from skydiver_utc.plant.model import build_model, posture_row
 from skydiver_utc.plant.skydiver import SkydiverPlant
+from skydiver_utc.plant.table_error import table_error
 
 NAME = "front_layout_open_loop"
 SCENARIO = load_scenario(NAME)
@@ -83,3 +84,35 @@ def test_a_posture_of_a_path_beyond_the_joint_limits_is_named():
 )
 def test_keyframes_that_make_no_path_are_refused(keyframes, sentence):
     assert sentence in refused(**{"pattern.keyframes": keyframes})
+
+
+def spike(at, width):
+    """The arms go to track and come back between two nodes of a coarse table."""
+    alphas = (0.0, at - width, at, at + width, 2.0)
+    names = ("neutral", "neutral", "track", "neutral", "neutral")
+    return [{"alpha": alpha, "posture": name} for alpha, name in zip(alphas, names, strict=True)]
+
+
+@pytest.mark.parametrize(
+    ("nodes", "keyframes"), [(9, None), (17, None), (65, spike(1.02, 0.01)), (65, spike(0.4, 0.02))]
+)
+def test_a_table_too_coarse_for_its_path_is_refused(nodes, keyframes):
+    overrides = {"plant.pattern_nodes": nodes} | ({"pattern.keyframes": keyframes} if keyframes else {})
+    message = refused(**overrides)
+    assert f"plant.pattern_nodes = {nodes} is too few for pattern layout" in message
+    assert "raise plant.pattern_nodes" in message
+
+
+@pytest.mark.parametrize("nodes", [9, 33, 65, 257])
+def test_the_few_places_that_are_checked_are_the_worst(nodes):
+    scenario = load_scenario(NAME, {"plant.pattern_nodes": nodes})
+    model = build_model(scenario)
+    assert table_error(scenario, model, 6) == table_error(scenario, model)
+
+
+def test_a_table_that_is_dense_enough_flies():
+    SkydiverPlant(load_scenario(NAME, {"plant.pattern_nodes": 65}))
+
+
+def test_the_table_of_a_direction_needs_no_check():
+    SkydiverPlant(load_scenario("bank_recovery", {"plant.pattern_nodes": 9}))

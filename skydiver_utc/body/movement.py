@@ -22,6 +22,10 @@ class Movement(Protocol):
         """Joint angles (15, 3) [rad]."""
         ...
 
+    def all_angles(self, alphas: Array) -> Array:
+        """Joint angles (n, 15, 3) [rad] at n pattern angles."""
+        ...
+
     def slope(self, alpha: float) -> Array:
         """Change of the joint angles (15, 3) per change of alpha [rad/rad]."""
         ...
@@ -43,6 +47,9 @@ class _Straight:
     def angles(self, alpha: float) -> Array:
         return self._neutral + alpha * self._direction
 
+    def all_angles(self, alphas: Array) -> Array:
+        return self._neutral + alphas[:, None, None] * self._direction
+
     def slope(self, alpha: float) -> Array:
         return self._direction
 
@@ -59,6 +66,9 @@ class _Path:
 
     def angles(self, alpha: float) -> Array:
         return np.asarray(self._angles(alpha), dtype=float)
+
+    def all_angles(self, alphas: Array) -> Array:
+        return np.asarray(self._angles(alphas), dtype=float)
 
     def slope(self, alpha: float) -> Array:
         return np.asarray(self._slope(alpha), dtype=float)

@@ -15,6 +15,7 @@ from skydiver_utc.plant.dynamics import (
     rk4_step,
 )
 from skydiver_utc.plant.model import PlantModel, build_model
+from skydiver_utc.plant.table_error import refuse_coarse_table
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,7 @@ class SkydiverPlant:
             scenario.initial.alpha,
         )
         self.model = build_model(scenario) if model is None else model
+        refuse_coarse_table(scenario, self.model)
         self.joint_names = joint_angle_names()
         self._initial = scenario.initial
         self._movement = movement(scenario.posture, scenario.pattern)
