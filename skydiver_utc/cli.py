@@ -246,17 +246,19 @@ def pattern() -> None:
 
 
 _out = click.option("--out", metavar="FILE.yaml", help="Write here instead of on the screen.")
+_force = click.option("--force", is_flag=True, help="Write over files that exist.")
 
 
 @pattern.command(short_help="Trim SCENARIO's posture to a straight fall.")
 @_scenario
 @_settings
 @_out
-def neutral(scenario: str, settings: tuple[str, ...], out: str | None) -> None:
+@_force
+def neutral(scenario: str, settings: tuple[str, ...], out: str | None, force: bool) -> None:
     """The straight fall nearest to SCENARIO's posture, at its initial pitch, as a posture file."""
     from skydiver_utc.verbs.pattern import neutral as trim
 
-    trim(scenario, settings, Path(out) if out else None)
+    trim(scenario, settings, Path(out) if out else None, force)
 
 
 @pattern.command(short_help="Design a movement pattern for SCENARIO's posture.")
@@ -269,13 +271,18 @@ def neutral(scenario: str, settings: tuple[str, ...], out: str | None) -> None:
     show_default=True,
     help="Positive alpha turns left, lowers the head, slides to the left, or falls slower.",
 )
-@click.option("--seed", default=1, show_default=True, help="Seed of the random starts.")
+@click.option(
+    "--seed", default=1, show_default=True, type=click.IntRange(min=0), help="Seed of the random starts."
+)
 @_out
-def design(scenario: str, settings: tuple[str, ...], kind: str, seed: int, out: str | None) -> None:
+@_force
+def design(
+    scenario: str, settings: tuple[str, ...], kind: str, seed: int, out: str | None, force: bool
+) -> None:
     """The pattern with the most of what is wanted for the least of anything else, as a pattern file."""
     from skydiver_utc.verbs.pattern import design as make
 
-    make(scenario, settings, kind, seed, Path(out) if out else None)
+    make(scenario, settings, kind, seed, Path(out) if out else None, force)
 
 
 @pattern.command(short_help="Tell what PATTERN does to a straight fall.")
@@ -299,6 +306,7 @@ def show(name: str, scenario: str, settings: tuple[str, ...], as_json: bool) -> 
 @click.option("--component", default=1, show_default=True, help="Which one to write, by falling variance.")
 @_out
 @click.option("--mean", metavar="FILE.yaml", help="Write the mean posture here.")
+@_force
 @_within
 @_settings
 @_json
@@ -307,6 +315,7 @@ def extract(
     component: int,
     out: str | None,
     mean: str | None,
+    force: bool,
     scenario: str,
     settings: tuple[str, ...],
     as_json: bool,
@@ -326,6 +335,7 @@ def extract(
         settings,
         Path(out) if out else None,
         Path(mean) if mean else None,
+        force,
         as_json,
     )
 
@@ -340,24 +350,31 @@ def extract(
     "--tolerance",
     default=0.5,
     show_default=True,
-    type=click.FloatRange(min=0.0),
+    type=float,
     metavar="DEG",
     help="How far the path may be from a posture that is left out.",
 )
+@_force
 @_within
 @_settings
 def import_(
-    source: str, out: str, posture: str | None, tolerance: float, scenario: str, settings: tuple[str, ...]
+    source: str,
+    out: str,
+    posture: str | None,
+    tolerance: float,
+    force: bool,
+    scenario: str,
+    settings: tuple[str, ...],
 ) -> None:
     """Make a path of measured postures, to be flown open loop in the time that they were measured in.
 
     FILE.csv holds time_s and joint angles in degrees (docs/patterns.md); a run folder or a bag will do, too. As
-    many postures are kept as the tolerance needs; how many, and how far the path is from the others, is printed
-    with the command that flies it.
+    many postures are kept as the tolerance needs; how many, how far the path is from the others and how
+    exact the plant's table of it is, is printed with the command that flies it.
     """
     from skydiver_utc.verbs.pattern_import import import_motion
 
-    import_motion(Path(source), Path(out), posture, tolerance, scenario, settings)
+    import_motion(Path(source), Path(out), posture, tolerance, scenario, settings, force)
 
 
 @main.command(short_help="Find the straight fall of POSTURE, its modes and its turning.")

@@ -163,6 +163,15 @@ class TestBadInput:
     def test_unknown_subject(self) -> None:
         assert "there is no subject 'nobody'" in refused("trim", "--subject", "nobody")
 
+    def test_seed_below_zero(self) -> None:
+        assert "--seed" in refused("pattern", "design", "bank_recovery", "--seed", "-1")
+
+    @pytest.mark.parametrize("verb", ["neutral", "design"])
+    def test_a_file_that_exists(self, verb: str, tmp_path: Path) -> None:
+        (tmp_path / "mine.yaml").write_text("mine", encoding="utf-8")
+        sentence = refused("pattern", verb, "bank_recovery", "--out", str(tmp_path / "mine.yaml"))
+        assert "mine.yaml exists: choose another file, or add --force" in sentence
+
     def test_trim_in_an_unknown_scenario(self) -> None:
         assert "there is no scenario 'nowhere'" in refused("trim", "--scenario", "nowhere")
 

@@ -151,3 +151,22 @@ def test_what_cannot_be_extracted_is_refused(tmp_path, postures, arguments, word
     result = CliRunner().invoke(main, ["pattern", "extract", str(source), *arguments])
     assert result.exit_code == 2
     assert words in result.output
+
+
+def test_out_and_mean_are_two_files(tmp_path):
+    path = csv_of(tmp_path / "two.csv", two_patterns()[0])
+    same = ["--out", str(tmp_path / "q.yaml"), "--mean", f"{tmp_path}/./q.yaml"]
+    result = CliRunner().invoke(main, ["pattern", "extract", str(path), *same])
+    assert (result.exit_code, "give each a file of its own" in result.output) == (2, True)
+    assert not (tmp_path / "q.yaml").exists()
+
+
+@pytest.mark.parametrize("option", ["--out", "--mean"])
+def test_a_file_that_exists_is_kept_unless_forced(option, tmp_path):
+    path, mine = csv_of(tmp_path / "two.csv", two_patterns()[0]), tmp_path / "mine.yaml"
+    mine.write_text("mine", encoding="utf-8")
+    result = CliRunner().invoke(main, ["pattern", "extract", str(path), option, str(mine)])
+    assert (result.exit_code, "add --force" in result.output) == (2, True)
+    assert mine.read_text(encoding="utf-8") == "mine"
+    extract(path, option, str(mine), "--force")
+    assert mine.read_text(encoding="utf-8") != "mine"

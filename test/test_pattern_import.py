@@ -1,6 +1,7 @@
 """Measured motions: thinned to a tolerance that is kept, and flown by the command that is printed."""
 
 import json
+import re
 import shlex
 import subprocess
 import sys
@@ -15,9 +16,12 @@ from test_recording_joint_angles import bag_of
 
 from skydiver_utc.body.keyframes import thin
 from skydiver_utc.body.movement import movement
+from skydiver_utc.body.posture import configuration
+from skydiver_utc.body.segments import build_body
 from skydiver_utc.cli import main
 from skydiver_utc.parameters import PosturePath, load_scenario
 from skydiver_utc.parameters.loading import config_folder
+from skydiver_utc.plant.dynamics import GEOMETRY_SIZE, posture_geometry
 from skydiver_utc.simulation.build import build_plant
 from skydiver_utc.simulation.closed_loop import simulate
 from skydiver_utc.verbs.settings import parse_setting
@@ -30,7 +34,7 @@ def imported(source, out, *arguments):
     """What is told, and the settings of the command that flies the path."""
     result = CliRunner().invoke(main, ["pattern", "import", str(source), "--out", str(out), *arguments])
     assert result.exit_code == 0, result.output
-    told, command = result.stdout.rstrip().split("\n\n")
+    told, command = result.stdout.rstrip().rsplit("\n\n", 1)
     words = shlex.split(command)
     assert words[:3] == ["skydiver-utc", "simulate", "bank_recovery"]
     assert set(words[3::2]) == {"--set"}
@@ -153,7 +157,7 @@ def test_a_long_motion_gets_a_denser_table(tmp_path):
     _, settings, _ = imported(path, tmp_path / "nod.yaml")
     assert settings["plant.pattern_nodes"] == 801
     path.write_text("\n".join(["time_s,neck_rotation", *rows[:-1], "400,0"]), encoding="utf-8")
-    assert "moves too fast for its length" in refused(path, tmp_path / "nod.yaml")
+    assert "less than 1/1024 of it apart" in refused(path, tmp_path / "longer.yaml")
 
 
 def refused(source, out, *arguments):
@@ -192,3 +196,99 @@ def test_a_path_names_postures_that_are_files(tmp_path):
     path = load_scenario("front_layout_open_loop", {"pattern.keyframes": keyframes}).pattern
     assert [keyframe.posture.name for keyframe in path.keyframes] == ["neutral", "track"]
     assert msgspec.to_builtins(path)["kind"] == "path"
+
+
+SHOULDERS = ["left_shoulder_flexion", "right_shoulder_flexion"]
+
+
+def arms_of(path, time_s, angles_deg):
+    """Both shoulders at these angles and times, every digit kept."""
+    rows = [f"{t!r},{a!r},{a!r}" for t, a in zip(time_s, angles_deg, strict=True)]
+    path.write_text("\n".join([",".join(["time_s", *SHOULDERS]), *rows]), encoding="utf-8")
+    return path
+
+
+def test_the_table_that_is_flown_is_exact_enough_for_a_quick_motion(tmp_path):
+    """By the postures at three places between any two nodes, in metres and kg m2; and the error is told."""
+    source = arms_of(tmp_path / "quick.csv", [0.0, 1.0, 1.1, 1.2, 3.0], [0.0, 0.0, 60.0, 0.0, 0.0])
+    told, settings, _ = imported(source, tmp_path / "quick.yaml")
+    scenario = load_scenario("bank_recovery", settings)
+    plant, row = build_plant(scenario), np.empty(GEOMETRY_SIZE)
+    body, moves = build_body(scenario.subject), movement(scenario.posture, scenario.pattern)
+    quick = np.linspace(0.6, 0.85, 3 * scenario.plant.pattern_nodes // 4)
+    place = inertia = 0.0
+    for alpha in quick:
+        posture_geometry(plant.model, alpha, row)
+        placed = configuration(body, moves.angles(alpha))
+        place = max(place, np.abs(row[:48].reshape(3, 16).T - placed.centre).max())
+        inertia = max(inertia, np.abs(row[144:147] - np.diag(placed.inertia)).max())
+    assert place < 5e-4
+    assert inertia < 5e-3
+    # 257 nodes would miss a segment by several times as much.
+    assert settings["plant.pattern_nodes"] > 257
+    assert f"plant's {settings['plant.pattern_nodes']} nodes its table is off by" in told
+    assert float(re.search(r"off by (\S+) mm", told)[1]) == pytest.approx(1e3 * place, rel=0.5)
+
+
+def test_a_motion_too_quick_for_the_table_is_refused_with_its_error(tmp_path):
+    source = arms_of(tmp_path / "quick.csv", [0.0, 20.0, 20.05, 20.1, 40.0], [0.0, 0.0, 60.0, 0.0, 0.0])
+    message = refused(source, tmp_path / "quick.yaml")
+    assert "moves too fast for its length, with 1025 nodes" in message
+    assert float(re.search(r"off by (\S+) mm", message)[1]) > 10
+    assert list(tmp_path.glob("*.yaml")) == []
+
+
+@pytest.mark.parametrize("name", ["1", "on", "1e3", "my arms #1", "a: b", "it's", '"Ärmel"', " x", "[a, b]"])
+def test_a_command_names_any_file(name, tmp_path, monkeypatch):
+    """Relative, so that nothing before the name keeps YAML from reading a number or a list."""
+    monkeypatch.chdir(tmp_path)
+    source = arms_of(tmp_path / "source.csv", [0.0, 2.0], [0.0, 20.0])
+    _, settings, _ = imported(source, f"{name}.yaml")
+    scenario = load_scenario("bank_recovery", settings)
+    assert (scenario.name, scenario.title) == (name, f"Measured motion {name}")
+    assert (scenario.pattern.name, scenario.posture.name) == (name, f"{name}_start")
+    assert (settings["pattern"], settings["posture"]) == (f"{name}.yaml", f"{name}_start.yaml")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("time_s", "words"),
+    [
+        ([0.0, 1e-300], "s apart: leave at least 1e-06 s"),
+        ([0.0, 1e-300, 1.0], "at 1e-300 s, are 1e-300 s apart"),
+        ([0.0, 1e-3], "lasts 0.001 s, which cannot be flown: parameter plant.limits.alpha_rate"),
+        ([0.0, 1e5], "lasts 100000 s, which cannot be flown: parameter duration_s"),
+        ([-1e308, 1e308], "lasts inf s, which cannot be flown: parameter duration_s"),
+    ],
+)
+def test_times_that_cannot_be_flown_are_refused(time_s, words, tmp_path):
+    source = arms_of(tmp_path / "odd.csv", time_s, np.linspace(0.0, 20.0, len(time_s)).tolist())
+    assert words in refused(source, tmp_path / "odd.yaml")
+    assert list(tmp_path.glob("*.yaml")) == []
+
+
+@pytest.mark.parametrize("tolerance", ["nan", "inf", "0", "-1"])
+def test_a_tolerance_that_cannot_be_kept_is_refused(tolerance, tmp_path):
+    assert f"--tolerance {tolerance}" in refused(ARMS, tmp_path / "a.yaml", "--tolerance", tolerance)
+
+
+def test_postures_that_do_not_move_are_refused(tmp_path):
+    source = arms_of(tmp_path / "still.csv", [0.0, 1.0, 2.0], [10.0, 10.0, 10.0])
+    assert "do not move: give the recording of a maneuver" in refused(source, tmp_path / "still.yaml")
+
+
+def test_settings_that_do_not_go_with_the_path_are_refused_before_a_file_is_written(tmp_path):
+    setting = ["--set", "pattern=turn", "--set", "pattern.name=5"]
+    assert "parameter pattern.name" in refused(ARMS, tmp_path / "arms.yaml", *setting)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("taken", ["arms.yaml", "arms_start.yaml"])
+def test_a_file_that_exists_is_kept_unless_forced(taken, tmp_path):
+    """The first posture's file, too, which the command line does not name."""
+    (tmp_path / taken).write_text("mine", encoding="utf-8")
+    message = refused(ARMS, tmp_path / "arms.yaml")
+    assert f"{tmp_path / taken} exists: choose another file, or add --force" in message
+    assert [path.read_text(encoding="utf-8") for path in tmp_path.iterdir()] == ["mine"]
+    _, settings, _ = imported(ARMS, tmp_path / "arms.yaml", "--force")
+    assert load_scenario("bank_recovery", settings).pattern.name == "arms"

@@ -13,12 +13,14 @@ from skydiver_utc.verbs.errors import VerbError
 DECIMALS = 9
 
 
-def name_of(out: Path | None, default: str) -> str:
+def name_of(out: Path | None, default: str, force: bool) -> str:
     """The name of what will be written into a file; a path that cannot be used is refused before any work."""
     if out is None:
         return default
     if out.suffix != ".yaml" or not out.parent.is_dir():
         raise VerbError(f"{out} must end in .yaml and lie in a folder that exists: choose another")
+    if out.exists() and not force:
+        raise VerbError(f"{out} exists: choose another file, or add --force to write over it")
     return out.stem
 
 

@@ -14,9 +14,9 @@ from skydiver_utc.verbs.parameter_file import DECIMALS, name_of, write
 from skydiver_utc.verbs.settings import load
 
 
-def neutral(scenario_name: str, settings: Sequence[str], out: Path | None) -> None:
+def neutral(scenario_name: str, settings: Sequence[str], out: Path | None, force: bool) -> None:
     """Write the straight fall nearest to the scenario's posture at the scenario's pitch."""
-    scenario, name = load(scenario_name, settings), name_of(out, "neutral")
+    scenario, name = load(scenario_name, settings), name_of(out, "neutral", force)
     start, subject = scenario.posture, scenario.subject
     trim = straight_fall(scenario, start, scenario.initial.pitch_deg)
     posture = Posture(
@@ -34,10 +34,12 @@ def neutral(scenario_name: str, settings: Sequence[str], out: Path | None) -> No
     write(posture, out)
 
 
-def design(scenario_name: str, settings: Sequence[str], kind_name: str, seed: int, out: Path | None) -> None:
+def design(
+    scenario_name: str, settings: Sequence[str], kind_name: str, seed: int, out: Path | None, force: bool
+) -> None:
     """Write a pattern of a kind for the scenario's posture, which must fall straight."""
     scenario, kind = load(scenario_name, settings), PATTERN_KINDS[kind_name]
-    name = name_of(out, kind.name)
+    name = name_of(out, kind.name, force)
     trim = straight_fall(scenario, scenario.posture, scenario.initial.pitch_deg)
     direction = design_pattern(kind, scenario, trim, np.random.default_rng(seed))
     option = "" if kind_name == DEFAULT_KIND else f" --kind {kind_name}"

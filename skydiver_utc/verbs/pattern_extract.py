@@ -33,11 +33,14 @@ def extract(
     settings: Sequence[str],
     out: Path | None,
     mean: Path | None,
+    force: bool,
     as_json: bool,
 ) -> None:
     """Write a principal component of recorded postures as a pattern, and their mean as a posture."""
     scenario = load(scenario_name, settings)
-    name, name_of_mean = name_of(out, f"component_{component}"), name_of(mean, "mean")
+    name, name_of_mean = name_of(out, f"component_{component}", force), name_of(mean, "mean", force)
+    if out is not None and mean is not None and out.resolve() == mean.resolve():
+        raise VerbError(f"--out and --mean are both {out}: give each a file of its own")
     recorded = read_joint_angles(source, joint_angle_names())
     angles = whole_postures(recorded, scenario.posture)
     found = principal_components(angles)

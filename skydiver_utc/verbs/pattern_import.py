@@ -1,9 +1,9 @@
 """``skydiver-utc pattern import``: measured postures as a path that can be flown."""
 
 import math
-import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,21 +11,24 @@ from numpy.typing import NDArray
 from skydiver_utc.body.keyframes import Keyframes, thin
 from skydiver_utc.body.posture import joint_angle_names, joint_rows, refuse_beyond
 from skydiver_utc.body.segments import JOINTS
-from skydiver_utc.parameters import Keyframe, Posture, PosturePath, Scenario
+from skydiver_utc.parameters import Keyframe, ParameterError, Posture, PosturePath, Scenario
+from skydiver_utc.plant.model import build_model
+from skydiver_utc.plant.skydiver import SkydiverPlant
+from skydiver_utc.plant.table_error import TableError, table_error
 from skydiver_utc.recording.joint_angles import read_joint_angles
 from skydiver_utc.verbs.errors import VerbError
+from skydiver_utc.verbs.measured_flight import ALPHA, command, flight, flown, timing
 from skydiver_utc.verbs.parameter_file import DECIMALS, name_of, write
 from skydiver_utc.verbs.pattern_extract import whole_postures
 from skydiver_utc.verbs.settings import load
 
 Array = NDArray[np.float64]
 
-# The range of alpha that the motion is laid over [rad].
-_ALPHA = (0.0, 2.0)
-# Nodes of the plant's table over alpha: at least as dense as the postures.
+# Nodes of the plant's table over alpha: at least as dense as the postures, doubled until it is exact enough.
 _NODES = (257, 1025)
-# What the flight holds the first and the last posture for [s].
-_BEFORE_S, _AFTER_S = 1.0, 5.0
+# Postures nearer in time are a fault of the file [s].
+_SHORTEST_S = 1e-6
+_MEND = "cut it into shorter files, or allow a larger --tolerance"
 
 
 def import_motion(
@@ -35,50 +38,72 @@ def import_motion(
     tolerance_deg: float,
     scenario_name: str,
     settings: Sequence[str],
+    force: bool,
 ) -> None:
     """Write a path through measured postures and its first posture; tell what was kept and how to fly it."""
-    name = name_of(out, "")
+    name = name_of(out, "", force)
+    start = out.with_name(f"{name}_start.yaml")
+    name_of(start, "", force)
+    if not 0.0 < tolerance_deg < math.inf:
+        raise VerbError(f"--tolerance {tolerance_deg:g} cannot be kept: give degrees above zero, as in 0.5")
     chosen = [] if posture_name is None else [f"posture={posture_name}"]
     scenario = load(scenario_name, [*chosen, *settings])
-    recorded = read_joint_angles(source, joint_angle_names())
-    time_s, angles = recorded.time_s, whole_postures(recorded, scenario.posture)
-    shape = (len(JOINTS), -1)
-    for moment, row in zip(time_s, angles, strict=True):
-        refuse_beyond(scenario.subject.joint_limits, row.reshape(shape), f"{source} at {moment:g} s")
+    time_s, angles = _measured(source, scenario)
+    duration_s = float(time_s[-1]) - float(time_s[0])
+    in_time = _in_time(source, scenario, scenario_name, [*chosen, *settings], duration_s)
     keyframes = thin(time_s, angles, float(np.deg2rad(tolerance_deg)))
-    alphas = np.interp(time_s[keyframes.kept], time_s[[0, -1]], _ALPHA)
-    nodes = _nodes(source, alphas)
-    postures = [
-        Posture(
-            name=f"{name}_{time_s[row]:g}s",
-            joint_angles_deg=joint_rows(np.rad2deg(angles[row].reshape(shape)).round(DECIMALS)),
-        )
-        for row in keyframes.kept
-    ]
     told = _told(keyframes, len(time_s))
     source_line = (
         f"{source.name} from {time_s[0]:g} to {time_s[-1]:g} s, by skydiver-utc pattern import: {told}; angles that"
         f" it lacks are those of posture {scenario.posture.name}"
     )
-    path = PosturePath(
-        name=name,
-        description=f"Motion of {time_s[-1] - time_s[0]:g} s; alpha goes with time",
+    path = _path(name, source_line, time_s, angles, keyframes)
+    first = Posture(
+        name=start.stem,
+        description="First posture of a motion",
         source=source_line,
-        keyframes=tuple(map(Keyframe, map(float, alphas), postures)),
+        joint_angles_deg=path.keyframes[0].posture.joint_angles_deg,
     )
-    start = out.with_name(f"{name}_start.yaml")
+
+    def settings_with(nodes: int) -> list[str]:
+        return [*settings, *flight(out, start, duration_s, nodes), *in_time]
+
+    table = _table(source, path, lambda nodes: flown(scenario_name, settings_with(nodes), path, first))
     write(path, out)
-    write(
-        Posture(
-            name=start.stem,
-            description="First posture of a motion",
-            source=source_line,
-            joint_angles_deg=postures[0].joint_angles_deg,
-        ),
-        start,
-    )
-    print(f"{told}\n{out} holds the path, {start} its first posture; to fly it:\n")
-    print(_command(scenario, scenario_name, settings, out, start, float(time_s[-1] - time_s[0]), nodes))
+    write(first, start)
+    print(f"{told}\nbetween the plant's {table.nodes} nodes its table is off by {table.error}")
+    print(f"{out} holds the path, {start} its first posture; to fly it:\n")
+    print(command(scenario_name, settings_with(table.nodes)))
+
+
+def _measured(source: Path, scenario: Scenario) -> tuple[Array, Array]:
+    """Times (n,) and whole postures (n, 45) [rad] that a body can take, and that move."""
+    recorded = read_joint_angles(source, joint_angle_names())
+    time_s, angles = recorded.time_s, whole_postures(recorded, scenario.posture)
+    for moment, row in zip(time_s, angles, strict=True):
+        what = f"{source} at {moment:g} s"
+        refuse_beyond(scenario.subject.joint_limits, row.reshape(len(JOINTS), -1), what)
+    if not np.ptp(np.rad2deg(angles).round(DECIMALS), axis=0).any():
+        raise VerbError(f"the postures in {source} do not move: give the recording of a maneuver")
+    for before, after in zip(time_s.tolist(), time_s[1:].tolist(), strict=False):
+        if after - before < _SHORTEST_S:
+            raise VerbError(
+                f"two postures in {source}, at {after:g} s, are {after - before:.2g} s apart: leave at least"
+                f" {_SHORTEST_S:g} s between them"
+            )
+    return time_s, angles
+
+
+def _in_time(
+    source: Path, scenario: Scenario, scenario_name: str, settings: Sequence[str], duration_s: float
+) -> list[str]:
+    """Settings for a motion of a duration; one that no flight can follow is refused."""
+    needed = timing(scenario, duration_s)
+    try:
+        load(scenario_name, [*settings, *needed])
+    except ParameterError as error:
+        raise VerbError(f"{source} lasts {duration_s:g} s, which cannot be flown: {error}") from error
+    return needed
 
 
 def _told(keyframes: Keyframes, count: int) -> str:
@@ -88,46 +113,50 @@ def _told(keyframes: Keyframes, count: int) -> str:
     )
 
 
-def _nodes(source: Path, alphas: Array) -> int:
-    """How many nodes the plant's table needs for postures at these pattern angles."""
-    closest = float(np.diff(alphas).min())
-    needed = math.ceil(round((_ALPHA[1] - _ALPHA[0]) / closest, 6)) + 1
-    least, most = _NODES
-    if needed > most:
+def _path(name: str, source_line: str, time_s: Array, angles: Array, keyframes: Keyframes) -> PosturePath:
+    """The path through the postures that are kept, alpha going with time."""
+    alphas = np.interp(time_s[keyframes.kept], time_s[[0, -1]], ALPHA)
+    postures = [
+        Posture(
+            name=f"{name}_{time_s[row]:g}s",
+            joint_angles_deg=joint_rows(np.rad2deg(angles[row].reshape(len(JOINTS), -1)).round(DECIMALS)),
+        )
+        for row in keyframes.kept
+    ]
+    return PosturePath(
+        name=name,
+        description=f"Motion of {time_s[-1] - time_s[0]:g} s; alpha goes with time",
+        source=source_line,
+        keyframes=tuple(map(Keyframe, map(float, alphas), postures)),
+    )
+
+
+class _Table(NamedTuple):
+    nodes: int
+    error: TableError
+
+
+def _table(source: Path, path: PosturePath, scenario_with: Callable[[int], Scenario]) -> _Table:
+    """How many nodes the plant's table needs to be exact enough for the path."""
+    closest = float(np.diff([keyframe.alpha for keyframe in path.keyframes]).min())
+    nodes, most = _NODES
+    needed = (ALPHA[1] - ALPHA[0]) / closest + 1.0
+    if needed > most + 1e-6:
         raise VerbError(
             f"{source} moves too fast for its length, some postures that it needs are less than 1/{most - 1} of it"
-            " apart: cut it into shorter files, or allow a larger --tolerance"
+            f" apart: {_MEND}"
         )
-    return max(least, needed)
-
-
-def _command(
-    scenario: Scenario,
-    scenario_name: str,
-    settings: Sequence[str],
-    out: Path,
-    start: Path,
-    duration_s: float,
-    nodes: int,
-) -> str:
-    """The command that flies the path in the time that it was measured in."""
-    rate = (_ALPHA[1] - _ALPHA[0]) / duration_s
-    first, last = _ALPHA
-    needed = [
-        f"name={out.stem}",
-        f"title=Measured motion {out.stem}",
-        f"pattern={out}",
-        f"posture={start}",
-        f"plant.limits.alpha=[{first:g}, {last:g}]",
-        f"plant.pattern_nodes={nodes}",
-        f"initial.alpha={first:g}",
-        "initial.bank_deg=0",
-        f"duration_s={_BEFORE_S + duration_s + _AFTER_S:g}",
-        "controller={kind: open_loop}",
-        f"reference={{kind: posture, points: [[{_BEFORE_S:g}, {first:g}],"
-        f" [{_BEFORE_S + duration_s:g}, {last:g}]]}}",
-    ]
-    if rate > scenario.plant.limits.alpha_rate:
-        needed.append(f"plant.limits.alpha_rate={rate:g}")
-    chosen = [part for setting in (*settings, *needed) for part in ("--set", setting)]
-    return shlex.join(["skydiver-utc", "simulate", scenario_name, *chosen])
+    nodes = max(nodes, math.ceil(needed - 1e-6))
+    while True:
+        scenario = scenario_with(nodes)
+        model = build_model(scenario)
+        error = table_error(scenario, model)
+        if not error.too_large:
+            SkydiverPlant(scenario, model)
+            return _Table(nodes, error)
+        if nodes == most:
+            raise VerbError(
+                f"{source} moves too fast for its length, with {most} nodes the plant's table is still off by"
+                f" {error}: {_MEND}"
+            )
+        nodes = min(2 * nodes - 1, most)
