@@ -165,7 +165,7 @@ def _show(values: dict[str, Any]) -> None:
 
 def _table(title: str, header: bool) -> Table:
     return Table(
-        title=Text(title), title_justify="left", title_style="bold", show_header=header, pad_edge=False
+        title=Text(title), title_justify="left", title_style="bold", show_header=header, show_edge=False
     )
 
 
