@@ -1,19 +1,17 @@
 """The soak in its short form: what it reports, and that nothing is missing."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
 from ros_fixtures import claimed_domain
 
 SOAK = Path(__file__).resolve().parents[1] / "benchmarks" / "soak.py"
 
 
 def test_a_short_soak_misses_nothing_and_accounts_for_every_step() -> None:
-    import os
-
     with claimed_domain() as domain:
         done = subprocess.run(
             [sys.executable, str(SOAK), "--lockstep-s", "4", "--real-time-s", "4"],
@@ -32,4 +30,4 @@ def test_a_short_soak_misses_nothing_and_accounts_for_every_step() -> None:
     assert sum(account[name] for name in ("on_time", "late", "stale", "lost")) == account["steps"] == 953
     assert set(lockstep["memory_growth_MB"]) <= {"plant", "controller", "reference", "recorder"}
     # Never faster than the clock: the first command begins the time, the last step ends it.
-    assert 0.0 < account["rate_Hz"] <= pytest.approx(real_time["nominal_rate_Hz"], rel=2e-3)
+    assert 0.0 < account["rate_Hz"] < 1.00001 * real_time["nominal_rate_Hz"]
