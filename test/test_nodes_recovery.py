@@ -37,15 +37,15 @@ def test_a_recorder_killed_at_any_moment_leaves_all_but_its_last_moments(
     flight = RecordedFlight(ros, processes, tmp_path / "run", 600.0)
     flight.until_step(10)
     (file,) = (tmp_path / "run").glob("*.mcap")
-    ros.spin_until(lambda: file.stat().st_size > 10_000)
     sent_at_s: dict[int, float] = {}
-    kill_at_s = time.monotonic() + wait_s
 
-    def its_time_has_come() -> bool:
+    def noted(condition: bool) -> bool:
         sent_at_s.setdefault(flight.plant.k, time.monotonic())
-        return time.monotonic() >= kill_at_s
+        return condition
 
-    ros.spin_until(its_time_has_come)
+    ros.spin_until(lambda: noted(file.stat().st_size > 10_000))
+    kill_at_s = time.monotonic() + wait_s
+    ros.spin_until(lambda: noted(time.monotonic() >= kill_at_s))
     flight.recorder.signal(signal.SIGKILL)
     killed_at_s, sent = time.monotonic(), flight.plant.k + 1
     assert flight.recorder.wait() == -signal.SIGKILL
