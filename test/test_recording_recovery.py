@@ -188,6 +188,20 @@ def test_topics_that_are_announced_in_a_damaged_chunk_are_found_at_the_end(
     assert stored(tmp_path / "recovered") == rows()[ends[0][1] :]
 
 
+@pytest.mark.parametrize("what", [b"ros2msg", b"std_msgs/msg/String", b"string data", b"/two", b"RIHS01"])
+def test_what_is_damaged_only_in_the_index_is_taken_from_the_chunks(
+    whole: Path, tmp_path: Path, what: bytes
+) -> None:
+    data = bytearray(whole.read_bytes())
+    data[data.rindex(what) + 2] ^= 0x01
+    path = tmp_path / "run_0.mcap"
+    path.write_bytes(data)
+    assert not survey(path).whole
+    recover(path, tmp_path / "recovered")
+    assert stored(tmp_path / "recovered") == rows()
+    assert read_bag(tmp_path / "recovered")["/two"].type_hash == TEXT[2]
+
+
 def own_bag(folder: Path) -> Path:
     with BagWriter(folder) as bag:
         ids = {name: bag.add_topic(name, *TEXT, "[{depth: 10}]") for name in TOPICS}

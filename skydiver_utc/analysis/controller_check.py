@@ -23,13 +23,15 @@ class Check:
     """The recorded flight, the scenario whose controller was asked, and its answers, commands (K, 4).
 
     `reference_added` counts the steps of the reference that no recorded preview covers, at the end of the flight:
-    there the recorded scenario's own reference stands in.
+    there the recorded scenario's own reference stands in. In real time a step without an answer has the command
+    that was held, and the recorded controller saw the newest states only: equal bits are not to be had.
     """
 
     flight: Flight
     scenario: Scenario
     commands: Floats
     reference_added: int
+    in_real_time: bool
 
     @property
     def differs(self) -> NDArray[np.bool_]:
@@ -63,7 +65,9 @@ def check(recording: RecordedFlight, scenario: Scenario) -> Check:
         )
     controller = build_controller(scenario)
     reference, added = _reference(recording, flight, controller.preview_steps)
-    return Check(flight, scenario, decide_again(controller, flight.states, reference), added)
+    return Check(
+        flight, scenario, decide_again(controller, flight.states, reference), added, recording.in_real_time()
+    )
 
 
 def report(found: Check) -> dict[str, Any]:
@@ -74,6 +78,7 @@ def report(found: Check) -> dict[str, Any]:
     return {
         "schema_version": SCHEMA_VERSION,
         "scenario": found.flight.scenario.name,
+        "in_real_time": found.in_real_time,
         "equal": found.equal,
         "steps": len(error),
         "different_steps": int(found.differs.any(axis=1).sum()),

@@ -64,7 +64,7 @@ class RecordedFlight:
         outcome, reason, wall_time_s = self._ending()
         states = self._rows("state", 13, _state)
         commands = self._rows("command", 4, _controls)
-        if self._in_real_time():
+        if self.in_real_time():
             commands = _held(commands)
         applied = self._rows("applied_command", 4, _controls)
         reference = self._reference()
@@ -137,7 +137,7 @@ class RecordedFlight:
                 f"the outcome in {self._path} cannot be understood ({error!r}): record the flight again"
             ) from error
 
-    def _in_real_time(self) -> bool:
+    def in_real_time(self) -> bool:
         """True where the plant did not wait for commands: a state may have none."""
         messages = self._messages("outcome")
         return bool(messages) and "real_time" in json.loads(messages[-1].data)

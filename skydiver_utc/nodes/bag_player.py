@@ -54,6 +54,9 @@ class PlayerNode(Node):
 
     def _open(self) -> None:
         self.finished = False
+        self.refused = (
+            ""  # what makes a node end with a sentence; this one is refused before it runs or not at all
+        )
         run = Path(self._parameter("run", ""))
         topics = _chosen(read_bag(run), [name for name in self._parameter("topics", [""]) if name])
         self.items = in_order(topics)

@@ -19,6 +19,7 @@ from std_msgs.msg import String
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.messages import SETPOINT_AXES
+from skydiver_utc.nodes.polled import Polled
 from skydiver_utc.nodes.scenario_node import ScenarioNode
 from skydiver_utc.nodes.topics import RECORDED, Topic, rosbag2_qos
 from skydiver_utc.nodes.versions import versions
@@ -39,19 +40,6 @@ _MOST_WAITING_BYTES = (
     256 * 1024**2
 )  # some minutes of flight; beyond that a disk that stands still costs messages
 _REPAIR_S = 5.0  # lost messages: the sender offers them again within three seconds
-
-
-class _Polled(CallbackGroup):
-    """Keeps its subscriptions out of the executor: they are drained in bulk, at a fraction of the cost."""
-
-    def can_execute(self, entity: object) -> bool:
-        return False
-
-    def beginning_execution(self, entity: object) -> bool:
-        return False
-
-    def ending_execution(self, entity: object) -> None:
-        pass
 
 
 @dataclass
@@ -90,7 +78,7 @@ class RecorderNode(ScenarioNode):
         self._bag = BagWriter(self.folder, _FLUSH_INTERVAL_S, _MOST_WAITING_BYTES)
         self._write_beside("scenario.yaml", to_yaml(self.scenario))
         self._write_beside("versions.json", json.dumps(versions(), indent=2) + "\n")
-        group = _Polled()
+        group = Polled()
         self._channels = {topic: self._open_channel(topic, group) for topic in RECORDED}
         self._ready = self.advertise(topics.RECORDER_READY)
         self._told_ready = False

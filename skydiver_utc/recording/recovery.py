@@ -78,7 +78,7 @@ def survey(path: Path) -> Survey:
         _survey_file(file, found)
     if not found.losses and found.lost_messages == 0:
         listed = path.is_file() or _lists(path, found.message_count)
-        found.whole = listed and _indexed_count(path) == found.message_count
+        found.whole = listed and _indexed_counts(path) == found.counts
     return found
 
 
@@ -116,16 +116,20 @@ def _lists(folder: Path, count: int) -> bool:
         return False
 
 
-def _indexed_count(path: Path) -> int:
-    """Messages that are found by way of the indexes, as other readers do; -1 where they are damaged."""
-    count = 0
+def _indexed_counts(path: Path) -> Counter[str]:
+    """Messages by topic that are found by way of the indexes, as other readers do; none where those are damaged."""
+    counts: Counter[str] = Counter()
     for file in bag_files(path):
+        topics = _topics(file)
         with file.open("rb") as stream:
             try:
-                count += sum(1 for _ in make_reader(stream).iter_messages(log_time_order=False))
-            except (*DAMAGE, OSError):  # OSError comes of an offset that is not true
-                return -1
-    return count
+                for schema, channel, _ in make_reader(stream).iter_messages(log_time_order=False):
+                    if _topic(channel, schema) != topics.get(channel.id):
+                        return Counter()
+                    counts[channel.topic] += 1
+            except (*DAMAGE, OSError, RecordingError):  # OSError comes of an offset that is not true
+                return Counter()
+    return counts
 
 
 def _survey_file(file: Path, found: Survey) -> None:

@@ -93,3 +93,5 @@ def _show(values: dict[str, Any]) -> None:
         ),
         soft_wrap=True,
     )
+    if values["in_real_time"]:
+        console.print(Text("flown in real time, where a controller does not see every state"), soft_wrap=True)
