@@ -32,6 +32,8 @@ GRID = StepGrid(load_scenario(SCENARIO))
 NAMES = CONTROL_NAMES
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
+# What neither a state nor a reference may be refused for: three such rates are still below 200 rad/s.
+possible = st.floats(-100.0, 100.0)
 steps = st.integers(min_value=0, max_value=10_000_000)
 
 
@@ -85,7 +87,7 @@ def test_a_stamp_before_the_epoch_is_refused(sec: int, nanosec: int) -> None:
     assert caught.value.kind == "stamp"
 
 
-@given(k=steps, values=st.lists(finite, min_size=13, max_size=13))
+@given(k=steps, values=st.lists(possible, min_size=13, max_size=13))
 def test_a_state_comes_back_bit_for_bit(k: int, values: list[float]) -> None:
     state = state_of(np.array(values))
     message = over_the_wire(StateWriter(GRID).fill(k, state))
@@ -176,7 +178,7 @@ def test_a_command_that_cannot_be_used_is_refused(kind: str, names: list[str], v
     assert caught.value.kind == kind
 
 
-@given(k=steps, values=st.lists(finite, min_size=1, max_size=40))
+@given(k=steps, values=st.lists(possible, min_size=1, max_size=40))
 def test_a_preview_comes_back_bit_for_bit(k: int, values: list[float]) -> None:
     message = over_the_wire(PreviewWriter(GRID, "yaw_rate", len(values)).fill(k, np.array(values)))
     k0, received = read_preview(message, GRID, "yaw_rate")
@@ -298,7 +300,7 @@ def test_the_table_of_topics_is_consistent() -> None:
     names = [topic.name for topic in TOPICS]
     assert len(set(names)) == len(names)
     assert STATE.type_name == "nav_msgs/msg/Odometry"
-    assert {topic.name for topic in RECORDED} == set(names) - {"recorder/ready"}
+    assert {topic.name for topic in RECORDED} == set(names) - {"recorder/ready", "roll_call"}
     assert [topic.name for topic in TOPICS if topic.latched] == [
         "scenario",
         "reference",
