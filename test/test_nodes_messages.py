@@ -306,6 +306,7 @@ def test_the_table_of_topics_is_consistent() -> None:
         "reference",
         "outcome",
         "recorder/ready",
+        "roll_call",
     ]
 
 
