@@ -78,13 +78,19 @@ class PlayerNode(Node):
         self.create_timer(_TICK_S, self._tick, clock=steady)
         if self._parameter("attended", False):
             self.create_timer(_REPORT_S, self._report, clock=steady)
-            signal.signal(signal.SIGUSR1, lambda *_: self.pause(not self.playback.paused))
+            signal.signal(signal.SIGUSR1, lambda *_: self.pause(not self.paused))
         self.get_logger().info(f"{len(self.items)} messages of {run}, {self.playback.duration_s:.3f} s")
 
+    @property
+    def paused(self) -> bool:
+        """True while it stands still because somebody wants it to."""
+        return self.playback.paused if self._begun else self._waits
+
     def pause(self, wanted: bool) -> None:
-        """Stand still, or go on."""
-        self._begun = True
-        if wanted:
+        """Stand still, or go on; before the first message only what is wanted is noted."""
+        if not self._begun:
+            self._waits = wanted
+        elif wanted:
             self.playback.pause(time.monotonic())
         else:
             self.playback.resume(time.monotonic())
@@ -109,6 +115,7 @@ class PlayerNode(Node):
         if not self._begun:
             if self._waits or not self._discovered():
                 return
+            self._begun = True
             self.pause(False)
         for place in self.playback.due(time.monotonic(), _BATCH):
             self._send(self.items[place])
@@ -155,7 +162,7 @@ class PlayerNode(Node):
         line = {
             "position_s": self._position_s(),
             "duration_s": self.playback.duration_s,
-            "paused": self.playback.paused,
+            "paused": self.paused,
             "lap": self.playback.lap,
         }
         with suppress(BrokenPipeError):
