@@ -1,6 +1,7 @@
 """Each node killed (-9) in mid-flight and started again, as processes of their own."""
 
 import json
+import re
 import signal
 from pathlib import Path
 from typing import Any
@@ -78,14 +79,17 @@ def test_a_controller_killed_and_started_again_goes_on_from_the_applied_command(
     controller = flight.start("controller")
     assert flight.outcome()["outcome"] == "completed"
     ros.spin_until(lambda: flight.step() == flight.scenario.steps)
-    assert "goes on from the command applied at step" in controller.output
-    commands, applied = controls(flight.commands, flight.grid), controls(flight.applied, flight.grid)
-    assert sorted(commands) == list(range(flight.scenario.steps))
-    simulated = simulate(flight.scenario)
-    killed = next(k for k in commands if commands[k].tobytes() != simulated.commands[k].tobytes())
-    assert killed >= KILLED_AT
-    slew = flight.scenario.plant.limits.alpha_rate * flight.scenario.dt_s
-    assert abs(commands[killed][3] - applied[killed - 1][3]) <= slew + 1e-12
+    match = re.search(r"goes on from the command applied at step (\d+)", controller.output)
+    assert match is not None, controller.output
+    last = int(match[1])
+    assert last >= KILLED_AT - 1
+    ros.spin_until(lambda: len(controls(flight.applied, flight.grid)) == flight.scenario.steps)
+    # A killed process may have told the plant what this one did not hear any more: only what was heard is compared.
+    commands, simulated = controls(flight.commands, flight.grid), simulate(flight.scenario)
+    before = [k for k in commands if k <= last]
+    assert len(before) >= KILLED_AT - 1
+    assert all(commands[k].tobytes() == simulated.commands[k].tobytes() for k in before)
+    assert any(commands[k].tobytes() != simulated.commands[k].tobytes() for k in commands if k > last)
 
 
 def test_a_reference_killed_and_started_again_is_heard(ros: Ros, processes: Processes) -> None:
