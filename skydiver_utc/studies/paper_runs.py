@@ -14,6 +14,7 @@ PRINTED_HANDS = ("plant.hands.K_N", 100.0)
 IDLE_HANDS = ("plant.hands.K_N", 0.0)
 
 POSE_FAST, POSE_SLOW = run("fast_turn_pose_only"), run("slow_turn_pose_only")
+LQR_FAST, LQR_SLOW = run("fast_turn_lqr"), run("slow_turn_lqr")
 M0_C2, M1_C2, M1_C3 = run(UNKNOWN), run(PI), run(PI_Q3)
 M0_C3 = run(UNKNOWN, ("controller.coupling", "yaw_acceleration"))
 M0_NONE, M1_NONE = run(UNKNOWN, NO_COUPLING), run(PI, NO_COUPLING)
@@ -29,6 +30,8 @@ FIGURES = {"ff6": POSE_FAST, "utc_m0_c2": M0_C2, "utc_m1_c2": M1_C2, "utc_m1_c3"
 CONFIGURATIONS: dict[str, Run] = {
     "pose controller, fast turn (`ff6`)": POSE_FAST,
     "pose controller, slow turn": POSE_SLOW,
+    "linear-quadratic regulator, fast turn": LQR_FAST,
+    "linear-quadratic regulator, slow turn": LQR_SLOW,
     "UTC, alpha unknown, eq_q1, N = 20 (`utc_m0_c2`)": M0_C2,
     "UTC, alpha unknown, eq_q3, N = 20": M0_C3,
     "UTC, alpha unknown, no coupling, N = 20": M0_NONE,
