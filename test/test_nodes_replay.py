@@ -72,7 +72,7 @@ class Audience:
 
 
 def player(ros: Ros, run: Path, **parameters: object) -> PlayerNode:
-    node: PlayerNode = ros.add(PlayerNode(ros.context, {"run": str(run), **parameters}))
+    node: PlayerNode = ros.add(PlayerNode(ros.context, {"run": str(run), "discovery_s": 0.5, **parameters}))
     return node
 
 
