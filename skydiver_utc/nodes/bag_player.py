@@ -31,7 +31,8 @@ _CLOCK = "/clock"
 _TICK_S = 0.002
 _BATCH = 200  # messages in one tick, so that a service call is heard while it catches up
 _REPORT_S = 0.2
-_DISCOVERY_S = (1.0, 5.0)  # least and longest wait for those who listen already
+_DISCOVERY_S = 4.0  # those who listen already announce themselves every 3 s
+_LONGEST_DISCOVERY_S = 10.0
 _LAST_ACKNOWLEDGEMENT_S = 5.0
 _DEPTH = 1000
 
@@ -65,6 +66,7 @@ class PlayerNode(Node):
         self._loop = self._parameter("loop", False)
         self.playback = Playback(times, rate, start_s, self._loop)
         self._waits = self._parameter("paused", False)
+        self._discovery_s = self._parameter("discovery_s", _DISCOVERY_S)
         self._publishers_by_topic = {name: self._advertise(topic) for name, topic in topics.items()}
         self._clock_made = (
             None if _CLOCK in topics else self.create_publisher(ClockMessage, _CLOCK, EACH_STEP)
@@ -141,12 +143,11 @@ class PlayerNode(Node):
     def _discovered(self) -> bool:
         """True when those who listen are connected, and for certain after some seconds."""
         waited_s = time.monotonic() - self._began_at
-        least_s, longest_s = _DISCOVERY_S
         connected = all(
             publisher.get_subscription_count() >= self.count_subscribers(name)
             for name, publisher in self._publishers_by_topic.items()
         )
-        return waited_s > longest_s or (waited_s > least_s and connected)
+        return waited_s > _LONGEST_DISCOVERY_S or (waited_s > self._discovery_s and connected)
 
     def _advertise(self, topic: RecordedTopic) -> Publisher:
         return self.create_publisher(_message_class(topic), topic.name, _quality(topic))
