@@ -4,6 +4,7 @@ PYTEST_DONT_REWRITE: tests import names from here before pytest loads it as a pl
 """
 
 import fcntl
+import json
 import os
 import signal
 import socket
@@ -21,14 +22,20 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
 
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.polled import Polled, take_all
 from skydiver_utc.nodes.topics import NAMESPACE, Topic
 
 # The machine may stand still for seconds: a wait ends when its condition holds, this is only the far end.
 PATIENCE_S = 150.0
 SCENARIO = "fast_turn_unknown_dynamics"
 
+_DRAIN_S = 0.02
+_EVERY_MESSAGE = 10_000
 _DOMAINS = 101
 _FIRST_PORT = 7410
 _PORTS_PER_DOMAIN = 250
@@ -103,6 +110,10 @@ class Ros:
         """A plain node that plays the other side."""
         return self.add(Partner(name, self.context))
 
+    def spectator(self) -> "Spectator":
+        """A node that hears every message of a flight whose nodes wait for a recorder."""
+        return self.add(Spectator(self.context))
+
     def spin_until(self, condition: Callable[[], object], patience_s: float = PATIENCE_S) -> None:
         """Spin until the condition holds; fail when it does not come true."""
         deadline = time.monotonic() + patience_s
@@ -149,6 +160,38 @@ class Partner(Node):
         if topic not in self._senders:
             self._senders[topic] = self.create_publisher(topic.type, topic.name, topic.qos)
         return self._senders[topic]
+
+
+class Spectator(Node):
+    """Stands where a recorder would: nodes started with `wait_for_recorder` do not fly before it hears them.
+
+    A timer drains the messages, which keeps up with a flight where callbacks would not. `heard` has a list for each
+    recorded topic.
+    """
+
+    def __init__(self, context: Context) -> None:
+        super().__init__("spectator", namespace=NAMESPACE, context=context)
+        self.heard: dict[Topic, list[Any]] = {topic: [] for topic in topics.RECORDED}
+        group = Polled()
+        self._hears = {topic: self._listen(topic, group) for topic in topics.RECORDED}
+        ready = topics.RECORDER_READY
+        self._ready = self.create_publisher(ready.type, ready.name, ready.qos)
+        self._told = False
+        self.create_timer(_DRAIN_S, self.drain)
+
+    def drain(self) -> None:
+        """Take what has come; say once that every topic is heard."""
+        for topic, subscription in self._hears.items():
+            self.heard[topic].extend(take_all(subscription))
+        if not self._told and all(s.get_publisher_count() for s in self._hears.values()):
+            self._told = True
+            self._ready.publish(String(data="the spectator"))
+
+    def _listen(self, topic: Topic, group: Polled) -> Any:
+        qos = QoSProfile(
+            depth=_EVERY_MESSAGE, reliability=topic.qos.reliability, durability=topic.qos.durability
+        )
+        return self.create_subscription(topic.type, topic.name, lambda _: None, qos, callback_group=group)
 
 
 @pytest.fixture
@@ -203,6 +246,10 @@ class NodeProcess:
     def output(self) -> str:
         """Everything printed so far, stdout and stderr."""
         return self._log.read_text(encoding="utf-8")
+
+    def reports(self) -> list[dict[str, Any]]:
+        """The JSON lines printed so far: a plant's progress and its outcome."""
+        return [json.loads(line) for line in self.output.splitlines() if line.startswith("{")]
 
     @property
     def ended(self) -> bool:

@@ -159,7 +159,7 @@ def test_four_processes_equal_the_simulation(processes: Processes, tmp_path: Pat
     for server, number in zip(servers, (signal.SIGINT, signal.SIGTERM), strict=True):
         server.signal(number)
         assert server.wait() == 0, server.output
-    reports = [json.loads(line) for line in plant.output.splitlines() if line.startswith("{")]
+    reports = plant.reports()
     assert reports[0] == {"step": 119, "steps": 239}
     assert reports[-1]["outcome"] == "completed"
     assert_complete(Bag(folder))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ros_fixtures import NodeProcess, Partner, Processes, Ros, overrides
+from ros_fixtures import NodeProcess, Processes, Ros, overrides
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.lockstep_controller import ControllerNode
@@ -28,22 +28,18 @@ KILLED_AT = 100
 
 
 class Flight:
-    """Plant, reference and controller as processes; a partner of this process watches."""
+    """Plant, reference and controller as processes, which do not fly before this process hears them."""
 
-    def __init__(
-        self, ros: Ros, processes: Processes, duration_s: float = DURATION_S, **extra: object
-    ) -> None:
+    def __init__(self, ros: Ros, processes: Processes, duration_s: float = DURATION_S) -> None:
         self.ros, self.processes = ros, processes
-        self.given = overrides(duration_s)
+        self.given = overrides(duration_s, wait_for_recorder=True)
         self.scenario = load_scenario("fast_turn_unknown_dynamics", {"duration_s": duration_s})
         self.grid = StepGrid(self.scenario)
-        self.watcher: Partner = ros.partner("watcher")
-        self.states = self.watcher.hear(topics.STATE)
-        self.commands = self.watcher.hear(topics.COMMAND)
-        self.applied = self.watcher.hear(topics.APPLIED_COMMAND)
-        self.outcomes = self.watcher.hear(topics.OUTCOME)
-        plant = {"command_timeout_s": 0.5, "command_retries": 200}
-        self.nodes = {"plant": processes.start("plant", self.given | plant | extra)}
+        heard = ros.spectator().heard
+        self.states, self.commands = heard[topics.STATE], heard[topics.COMMAND]
+        self.applied, self.outcomes = heard[topics.APPLIED_COMMAND], heard[topics.OUTCOME]
+        patient = {"command_timeout_s": 0.5, "command_retries": 200}
+        self.nodes = {"plant": processes.start("plant", self.given | patient)}
         for kind in ("controller", "reference"):
             self.start(kind)
 
@@ -119,22 +115,20 @@ def test_when_the_plant_is_killed_the_others_say_so_and_serve_the_next_one(
         assert flight.nodes[kind].wait() == 0, flight.nodes[kind].output
 
 
-def test_a_recorder_that_is_killed_does_not_stop_the_flight(
-    ros: Ros, processes: Processes, tmp_path: Path
-) -> None:
+def test_a_recorder_that_is_killed_does_not_stop_the_flight(processes: Processes, tmp_path: Path) -> None:
     """The flight is longer than what a publisher keeps for a listener that does not acknowledge."""
-    duration_s = 6.0
-    given = overrides(duration_s, wait_for_recorder=True)
-    recorder = processes.start("recorder", overrides(duration_s, bag_folder=tmp_path / "bag"))
-    flight = Flight(ros, processes, duration_s, wait_for_recorder=True)
+    given = overrides(12.0, wait_for_recorder=True)
+    recorder = processes.start("recorder", overrides(12.0, bag_folder=tmp_path / "bag"))
+    plant = processes.start("plant", given | {"progress": True})
     for kind in ("controller", "reference"):
-        flight.nodes[kind].kill()
-        flight.nodes[kind] = processes.start(kind, given)
-    ros.spin_until(lambda: flight.step() >= KILLED_AT)
+        processes.start(kind, given)
+    plant.wait_for_output('"step"')
     recorder.kill()
-    told = flight.outcome()
-    assert (told["outcome"], told["states"]) == ("completed", flight.scenario.steps + 1)
-    assert flight.scenario.steps - KILLED_AT > topics.EACH_STEP.depth
+    at_least = plant.reports()[-1]
+    assert plant.wait() == 0
+    told = plant.reports()[-1]
+    assert (told["outcome"], told["states"]) == ("completed", at_least["steps"] + 1)
+    assert at_least["steps"] - at_least["step"] > topics.EACH_STEP.depth
 
 
 class Rejoining:

@@ -32,16 +32,17 @@ SCENARIO = "fast_turn_unknown_dynamics"
 
 
 class Watched:
-    """Everything that was heard of one real-time flight."""
+    """Everything that one real-time flight sends; its nodes wait for this process to hear them."""
 
     def __init__(self, ros: Ros, duration_s: float) -> None:
         self.ros = ros
         self.scenario = load_scenario(SCENARIO, {"duration_s": duration_s})
         self.grid = StepGrid(self.scenario)
-        watcher = ros.partner("watcher")
-        self.states = watcher.hear(topics.STATE)
-        self.applied = watcher.hear(topics.APPLIED_COMMAND)
-        self.outcomes = watcher.hear(topics.OUTCOME)
+        self.common = overrides(duration_s, wait_for_recorder=True)
+        self.real_time = self.common | {"mode": "real_time"}
+        heard = ros.spectator().heard
+        self.states, self.applied = heard[topics.STATE], heard[topics.APPLIED_COMMAND]
+        self.outcomes = heard[topics.OUTCOME]
 
     def until_step(self, k: int) -> int:
         """Wait for a step; returns the newest one."""
@@ -75,10 +76,9 @@ def test_a_flight_stays_belly_to_earth_and_every_step_is_accounted_for(
     ros: Ros, processes: Processes
 ) -> None:
     flight = Watched(ros, 4.0)
-    given = overrides(4.0, mode="real_time")
-    plant = processes.start("plant", given | {"progress": True})
-    processes.start("controller", given | {"delay_steps": 1})
-    processes.start("reference", overrides(4.0))
+    plant = processes.start("plant", flight.real_time | {"progress": True})
+    processes.start("controller", flight.real_time | {"delay_steps": 1})
+    processes.start("reference", flight.common)
     told = flight.ended()
     assert told["outcome"] in (
         "completed",
@@ -87,17 +87,15 @@ def test_a_flight_stays_belly_to_earth_and_every_step_is_accounted_for(
     assert flight.heights().min() > 0.0
     assert told["wall_time_s"] >= flight.scenario.steps * flight.scenario.dt_s - 0.01
     assert plant.wait() == (0 if told["outcome"] == "completed" else 1)
-    told_by_plant = [json.loads(line) for line in plant.output.splitlines() if line.startswith("{")][-1]
-    assert told_by_plant == told
+    assert plant.reports()[-1] == told
 
 
 def test_a_controller_stalled_for_100_ms_and_for_5_s(ros: Ros, processes: Processes) -> None:
     """The plant bridges the first with the last command, falls neutral in the second, then turns again."""
     flight = Watched(ros, 16.0)
-    given = overrides(16.0, mode="real_time")
-    processes.start("plant", given)
-    processes.start("reference", overrides(16.0))
-    controller = processes.start("controller", given)
+    processes.start("plant", flight.real_time)
+    processes.start("reference", flight.common)
+    controller = processes.start("controller", flight.real_time)
 
     def stall(begin: int, steps: int) -> int:
         flight.until_step(begin)
@@ -127,10 +125,9 @@ def test_when_the_controller_dies_the_skydiver_falls_on_neutral_and_the_outcome_
     ros: Ros, processes: Processes
 ) -> None:
     flight = Watched(ros, 4.0)
-    given = overrides(4.0, mode="real_time")
-    plant = processes.start("plant", given)
-    processes.start("reference", overrides(4.0))
-    controller = processes.start("controller", given)
+    plant = processes.start("plant", flight.real_time)
+    processes.start("reference", flight.common)
+    controller = processes.start("controller", flight.real_time)
     flight.until_step(100)
     controller.kill()
     told = flight.ended()
