@@ -1,5 +1,11 @@
 """The player node: a recorded flight again, in order, byte for byte, at any rate; and its controller checked."""
 
+import os
+import pty
+import subprocess
+import sys
+import termios
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -222,3 +228,41 @@ def test_options_of_the_check_need_it(tmp_path: Path) -> None:
     result = CliRunner().invoke(main, ["replay", str(tmp_path), "--json"])
     assert result.exit_code == 2
     assert "go with --check" in result.output
+
+
+def test_the_verb_plays_and_the_space_bar_pauses(ros: Ros, domain: int, tmp_path: Path) -> None:
+    """On a terminal: paused at first, then played to the end by one key; the terminal is as it was afterwards."""
+    run = fly(ros, tmp_path / "run")
+    audience = Audience(ros, (topics.STATE,))
+    mine, its = pty.openpty()
+    before = termios.tcgetattr(its)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "skydiver_utc.cli", "replay", str(run), "--rate", "2", "--paused"],
+        env={**os.environ, "ROS_DOMAIN_ID": str(domain), "TERM": "xterm"},
+        stdin=its,
+        stdout=its,
+        stderr=its,
+        start_new_session=True,
+    )
+    try:
+        shown = b""
+        os.set_blocking(mine, False)
+
+        def read() -> bytes:
+            nonlocal shown
+            with suppress(BlockingIOError):
+                shown += os.read(mine, 65536)
+            return shown
+
+        ros.spin_until(lambda: b"paused" in read())
+        assert audience.count == 0
+        os.write(mine, b" ")
+        ros.spin_until(lambda: read() and process.poll() is not None)
+        assert process.returncode == 0, shown.decode()
+        assert termios.tcgetattr(its) == before
+        ros.spin_until(lambda: audience.heard["/skydiver/state"] == read_bag(run)["/skydiver/state"].cdr)
+    finally:
+        process.kill()
+        process.wait()
+        os.close(mine)
+        os.close(its)
