@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from ros_fixtures import NodeProcess, Processes, Ros, overrides
+from test_nodes_flight import Bag
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.lockstep_controller import ControllerNode
@@ -129,6 +130,34 @@ def test_a_recorder_that_is_killed_does_not_stop_the_flight(processes: Processes
     told = plant.reports()[-1]
     assert (told["outcome"], told["states"]) == ("completed", at_least["steps"] + 1)
     assert at_least["steps"] - at_least["step"] > topics.EACH_STEP.depth
+
+
+def test_a_recorder_started_in_mid_flight_records_the_rest_without_a_gap(
+    processes: Processes, tmp_path: Path
+) -> None:
+    given = overrides(600.0, wait_for_recorder=True)
+    first = processes.start("recorder", overrides(600.0, bag_folder=tmp_path / "first"))
+    plant = processes.start("plant", given | {"progress": True})
+    for kind in ("controller", "reference"):
+        processes.start(kind, given)
+    plant.wait_for_output('"step"')
+    first.kill()
+    second = processes.start("recorder", overrides(600.0, bag_folder=tmp_path / "second"))
+    second.wait_for_output("[skydiver.recorder]: ready")
+    heard_from = plant.reports()[-1]["step"]
+    plant.wait_for_output(f'"step": {heard_from + 1190}')
+    plant.signal(signal.SIGINT)
+    assert (plant.wait(), second.wait()) == (0, 0)
+    bag, states = Bag(tmp_path / "second"), plant.reports()[-1]["states"]
+    for topic in topics.RECORDED:
+        if topic.fewer_than_states is not None:
+            steps = bag.steps(topic)
+            # The controller may have answered the last state, too, before it heard of the end.
+            assert steps[-1] - (states - 1 - topic.fewer_than_states) in (0, 1), topic.name
+            assert steps == list(range(steps[0], steps[-1] + 1)), topic.name
+            assert 0 < steps[0] <= heard_from + 1190, topic.name
+    assert len(bag.of(topics.SCENARIO)) == 1
+    assert bag.outcome()["outcome"] == "aborted"
 
 
 class Rejoining:
