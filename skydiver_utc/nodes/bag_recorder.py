@@ -39,7 +39,7 @@ _SLOW_DISK_S = 2.0
 _MOST_WAITING_BYTES = (
     256 * 1024**2
 )  # some minutes of flight; beyond that a disk that stands still costs messages
-_REPAIR_S = 5.0  # lost messages: the sender offers them again within three seconds
+_REPAIR_S = 10.0  # lost messages: the sender offers them again every three seconds
 
 
 @dataclass

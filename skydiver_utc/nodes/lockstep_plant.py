@@ -27,7 +27,7 @@ _STARTUP_POLL_S = 0.02
 _PATIENCE_S = 5.0
 _DISPLAY_RATE_HZ = 30.0
 _PROGRESS_PERIOD_S = 0.5
-_LAST_ACKNOWLEDGEMENT_S = 5.0
+_LAST_ACKNOWLEDGEMENT_S = 10.0  # the listeners may need a second offer of what they missed
 
 # The flight was flown to its last step, or stopped because somebody asked for it.
 _EXIT_ZERO = (Outcome.COMPLETED, Outcome.ROLLED_OVER, Outcome.ABORTED)
