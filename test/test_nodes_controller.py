@@ -9,7 +9,7 @@ from ros_fixtures import Partner, Ros, overrides
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.lockstep_controller import ControllerNode
-from skydiver_utc.nodes.messages import StateWriter, read_named_values
+from skydiver_utc.nodes.messages import NamedValuesWriter, StateWriter, read_named_values
 from skydiver_utc.nodes.preview import PreviewWriter
 from skydiver_utc.plant.skydiver import CONTROL_NAMES
 from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
@@ -117,10 +117,34 @@ def test_a_repeated_state_is_answered_again_without_deciding_again(stage: Stage)
 
 def test_an_older_state_is_ignored_and_counted(stage: Stage) -> None:
     stage.ready()
-    for k in (0, 5, 3, 6):
+    for k in (0, 1, 2, 1, 3):
         stage.states.publish(stage.state_message(k))
-    assert stage.answered(3) == [0, 5, 6]
+    assert stage.answered(4) == [0, 1, 2, 3]
     assert stage.node.refusals.counts == {"older": 1}
+
+
+def test_in_lockstep_a_state_ahead_of_the_answers_is_refused(stage: Stage) -> None:
+    stage.ready()
+    for k in (0, 1, 9, 2):
+        stage.states.publish(stage.state_message(k))
+    assert stage.answered(3) == [0, 1, 2]
+    assert stage.node.refusals.counts == {"ahead": 1}
+
+
+def test_after_a_silence_it_goes_back_to_the_step_where_the_plant_waits(stage: Stage) -> None:
+    """A stranger's state was answered last: what the plant sends again is the truth."""
+    stage.ready()
+    for k in (0, 1, 2):
+        stage.states.publish(stage.state_message(k))
+    assert stage.answered(3) == [0, 1, 2]
+    stage.node._answered_at -= 10.0
+    applied = stage.plant.sends(topics.APPLIED_COMMAND)
+    stage.states.publish(stage.state_message(1))
+    stage.ros.spin_until(applied.get_subscription_count)
+    applied.publish(
+        NamedValuesWriter(stage.node.grid, CONTROL_NAMES).fill(0, np.array([0.7, 0.2, 0.1, -0.4]))
+    )
+    assert stage.answered(4) == [0, 1, 2, 1]
 
 
 def test_a_new_step_0_begins_a_new_flight(stage: Stage) -> None:

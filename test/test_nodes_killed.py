@@ -94,7 +94,7 @@ def test_a_reference_killed_and_started_again_is_heard(ros: Ros, processes: Proc
     flight.kill("reference", at=10)
     flight.start("reference")
     assert flight.outcome()["outcome"] == "completed"
-    ros.spin_until(lambda: flight.step() == flight.scenario.steps)
+    ros.spin_until(lambda: len(controls(flight.commands, flight.grid)) == flight.scenario.steps)
     simulated = simulate(flight.scenario).commands
     commands = controls(flight.commands, flight.grid)
     assert np.array([commands[k] for k in range(len(simulated))]).tobytes() == simulated.tobytes()

@@ -255,6 +255,19 @@ def test_the_store_gives_what_was_received_and_nothing_else(
     assert newest is not None
 
 
+@given(chunks=st.lists(st.tuples(st.integers(0, 60), st.integers(1, 30)), min_size=1, max_size=12))
+def test_of_a_step_that_several_chunks_tell_the_newest_is_kept(chunks: list[tuple[int, int]]) -> None:
+    store = PreviewStore()
+    told: dict[int, float] = {}
+    for number, (k0, size) in enumerate(chunks):
+        store.add(k0, np.full(size, float(number)))
+        told |= dict.fromkeys(range(k0, k0 + size), float(number))
+    for k in range(91):
+        window = store.window(k, 1)
+        if window is not None:
+            assert window[0] == told[k]
+
+
 def test_the_newest_chunk_wins_and_chunks_join() -> None:
     store = PreviewStore()
     assert store.covered() == "nothing"
@@ -265,10 +278,21 @@ def test_the_newest_chunk_wins_and_chunks_join() -> None:
     assert joined is not None
     assert joined.tolist() == [0.0] * 5 + [1.0] * 10
     assert (store.covered(), store.count) == ("steps 0 to 14", 15)
+    store.add(3, np.full(2, 2.0))
+    kept = store.window(0, 15)
+    assert kept is not None
+    assert kept.tolist() == [0.0] * 3 + [2.0] * 2 + [1.0] * 10
     store.add(100, np.ones(3))
     assert store.covered() == "steps 100 to 102"
     store.add(0, np.ones(3))
     assert store.covered() == "steps 0 to 2"
+
+
+def test_a_store_does_not_grow_without_end() -> None:
+    store = PreviewStore()
+    for k0 in [*range(0, 5000, 5), *range(5000, 0, -5)]:
+        store.add(k0, np.zeros(10))
+        assert store.count <= 30
 
 
 def test_a_window_cannot_be_changed_from_outside() -> None:

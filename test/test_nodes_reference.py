@@ -89,12 +89,13 @@ def test_a_clock_that_jumps_finds_its_chunk(stage: Stage) -> None:
     assert stage.first_steps() == [0, 90, 0]
 
 
-def test_a_repeated_clock_repeats_no_chunk(stage: Stage) -> None:
+def test_a_repeated_clock_repeats_its_chunk(stage: Stage) -> None:
+    """The plant sends its clock again when it waits, which may be for want of this chunk."""
     stage.begun()
-    stage.turn_to(12, 12, 12)
-    stage.ros.spin_until(lambda: len(stage.chunks) == 2)
+    stage.turn_to(12, 13, 13, 14)
+    stage.ros.spin_until(lambda: len(stage.chunks) == 3)
     stage.ros.spin_for(0.1)
-    assert stage.first_steps() == [0, 10]
+    assert stage.first_steps() == [0, 10, 10]
 
 
 @pytest.mark.parametrize("edit", ["off the grid", "not set"])

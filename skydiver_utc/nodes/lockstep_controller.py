@@ -22,7 +22,8 @@ from skydiver_utc.simulation.build import build_controller, build_plant, build_r
 _STARTUP_POLL_S = 0.02
 _PATIENCE_S = 5.0
 _REJOIN_POLL_S = 0.1
-# A flight whose last state came this long ago may have been left by a plant that died.
+# A flight whose last state came this long ago may have been left by a plant that died, or a stranger's state was
+# taken for the plant's.
 _SAME_FLIGHT_S = 1.0
 # After a longer silence the plant holds something else than the last command.
 _LONGEST_GAP_S = 0.25
@@ -83,14 +84,14 @@ class ControllerNode(ScenarioNode):
                 self.refusals.counts["repeated"] += 1
                 self._commands.publish(self._write_command(k, self._command))
                 return
-            if 0 < k < self.answered:
-                raise BorderError("older", f"it is of step {k}, step {self.answered} was answered already")
-            if k == 0 < self.answered and self._in_flight_of_another():
-                raise BorderError("second_plant", "it begins a flight, while that of another plant goes on")
+            self._check_order(k)
             state = read_state(message)
         except BorderError as error:
             self.refusals.add(topics.STATE.name, error)
             return
+        if 0 < k < self.answered:
+            self.get_logger().warning(f"goes back from step {self.answered} to {k}, where the plant waits")
+            self.answered = -1
         if k == 0 and self.answered > 0:
             self.get_logger().info("a new flight begins")
             self._controller.reset()
@@ -101,6 +102,22 @@ class ControllerNode(ScenarioNode):
             if self._held is None and k > 0 and (self.answered < 0 or k - self.answered > self._gap_steps):
                 self._rejoin(k)
             self._answer_pending()
+
+    def _check_order(self, k: int) -> None:
+        """Refuse a step that the plant cannot be at; raises `BorderError`.
+
+        After a silence any step will do: what was answered last may have been no state of this plant.
+        """
+        if self.answered < 0 or time.monotonic() - self._answered_at >= _SAME_FLIGHT_S:
+            return
+        if 0 < k < self.answered:
+            raise BorderError("older", f"it is of step {k}, step {self.answered} was answered already")
+        if k == 0 and self._states is not None and self._states.get_publisher_count() > 1:
+            raise BorderError("second_plant", "it begins a flight, while that of another plant goes on")
+        if k > self.answered + 1 and not self._newest_only:
+            raise BorderError(
+                "ahead", f"it is of step {k}, the plant waits for the answer {self.answered + 1}"
+            )
 
     def on_applied(self, message: Any) -> None:
         """What the plant holds in the flight that this node comes into: go on from there."""
@@ -183,11 +200,6 @@ class ControllerNode(ScenarioNode):
         self._controller.reset()
         self._end_rejoin()
         self._answer_pending()
-
-    def _in_flight_of_another(self) -> bool:
-        """True when a state 0 comes from a second plant, not from one in the place of one that has gone."""
-        publishers = self._states.get_publisher_count() if self._states is not None else 0
-        return publishers > 1 and time.monotonic() - self._answered_at < _SAME_FLIGHT_S
 
     def _listen_when_ready(self) -> None:
         if self._preview.count >= self._needs and not self.unmatched():

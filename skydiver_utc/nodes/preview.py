@@ -70,18 +70,27 @@ def read_preview(message: Any, grid: StepGrid, signal: Signal) -> tuple[int, NDA
 
 
 class PreviewStore:
-    """The part of the reference received so far, by global step; the newest chunk wins."""
+    """The part of the reference received so far, by global step; the newest chunk wins where it says something.
+
+    What an older chunk says before and after it stays, so that a short chunk of a stranger does not take away what
+    the next decisions need. Of that at most the length of the longest chunk is kept on either side.
+    """
 
     def __init__(self) -> None:
         self._begin = 0
         self._values = np.empty(0)  # of steps _begin, _begin + 1, ...
+        self._longest = 0
 
     def add(self, k0: int, values: NDArray[np.float64]) -> None:
         """Take in a chunk; one that neither overlaps nor follows what is there replaces it."""
-        kept = self._values[: k0 - self._begin] if self._begin <= k0 <= self._end else np.empty(0)
-        kept = kept[-len(values) :]
-        self._begin = k0 - len(kept)
-        self._values = np.concatenate([kept, values])
+        self._longest = max(self._longest, len(values))
+        end = k0 + len(values)
+        before = after = np.empty(0)
+        if self._begin <= end and k0 <= self._end:
+            before = self._values[: max(0, k0 - self._begin)][-self._longest :]
+            after = self._values[end - self._begin :][: self._longest]
+        self._begin = k0 - len(before)
+        self._values = np.concatenate([before, values, after])
 
     def window(self, k: int, count: int) -> NDArray[np.float64] | None:
         """Values (count,) at steps k .. k + count - 1 as a copy, None unless all are there."""

@@ -42,7 +42,11 @@ class ReferenceNode(ScenarioNode):
         self._startup = self.every(_STARTUP_POLL_S, self._begin_when_heard)
 
     def on_clock(self, message: Any) -> None:
-        """Publish the value at this step, and the next chunk when it is due."""
+        """Publish the value at this step, and the next chunk when it is due.
+
+        A plant that waits sends its clock again: the chunk goes out again, too, in case it is the chunk that is
+        missing.
+        """
         try:
             k = self.grid.step_of(message.clock)
         except BorderError as error:
@@ -50,9 +54,11 @@ class ReferenceNode(ScenarioNode):
             return
         if self._k < 0:
             self.serve()
-        if k != self._k:
+        repeated = k == self._k
+        if not repeated:
             self._k, self._heard_at, self._told_silence = k, time.monotonic(), False
-        self._publish_chunk(k // self._chunk_steps)
+        if repeated or k // self._chunk_steps != self._chunk:
+            self._publish_chunk(k // self._chunk_steps)
         if self._has_setpoint:
             self._setpoints.publish(self._write_setpoint(k, self._reference.value(k)))
 
@@ -83,8 +89,6 @@ class ReferenceNode(ScenarioNode):
             self.get_logger().info("ready")
 
     def _publish_chunk(self, chunk: int) -> None:
-        if chunk == self._chunk:
-            return
         self._chunk = chunk
         k0 = chunk * self._chunk_steps
         self._previews.publish(self._write_preview(k0, self._reference.preview(k0, self._count)))
