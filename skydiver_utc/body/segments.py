@@ -144,13 +144,17 @@ def _segment_rows(
 
 
 def area_scale(subject: Subject) -> float:
-    """A subject's areas over those of the suit's reference subject.
+    """A subject's areas over those of the suit's reference subject."""
+    return area_ratio(subject, subject.suit.reference_mass_kg, subject.suit.reference_height_m)
+
+
+def area_ratio(subject: Subject, mass_kg: float, height_m: float) -> float:
+    """A subject's areas over those of a body of another mass and height.
 
     Areas grow with length times breadth, breadth with the root of mass per length.
     """
-    suit = subject.suit
-    length = subject.height_m / suit.reference_height_m
-    return length * math.sqrt(subject.mass_kg / suit.reference_mass_kg / length)
+    length = subject.height_m / height_m
+    return length * math.sqrt(subject.mass_kg / mass_kg / length)
 
 
 def _joint_position(segment: Segment, subject: Subject, lengths: dict[str, float]) -> Array:

@@ -2,8 +2,8 @@
 
 The fast turn is that of fast_turn_unknown_dynamics (0.2 Hz, 20 s) with other amplitudes. An amplitude is reached
 when it and every smaller one, from 200 deg/s on in steps of 10 deg/s, is tracked: the error within 5 % of the
-amplitude for good from 2 s on. The damping's reference area and length are scaled with the subject's areas and
-height.
+amplitude for good from 2 s on. The damping's reference area and length, which are those of the scenario's own
+subject, are scaled with mass and height, whatever the suit.
 """
 
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from itertools import count
 import msgspec
 
 from skydiver_utc.analysis.metrics import metrics
-from skydiver_utc.body.segments import area_scale
+from skydiver_utc.body.segments import area_ratio
 from skydiver_utc.parameters import Scenario, SineReference, load_scenario
 from skydiver_utc.plant.trim import in_straight_fall
 from skydiver_utc.simulation.closed_loop import simulate
@@ -39,11 +39,11 @@ def fast_turn(scenario: Scenario) -> Scenario:
     """The fast turn of a scenario's subject in its posture, which is first moved to fall straight."""
     falling, person = in_straight_fall(scenario), scenario.subject
     turn, damping = load_scenario(FAST_TURN), scenario.plant.damping
-    taller = person.height_m / person.suit.reference_height_m
+    usual = turn.subject
     scaled = replace(
         damping,
-        reference_area_m2=damping.reference_area_m2 * area_scale(person),
-        reference_length_m=damping.reference_length_m * taller,
+        reference_area_m2=damping.reference_area_m2 * area_ratio(person, usual.mass_kg, usual.height_m),
+        reference_length_m=damping.reference_length_m * person.height_m / usual.height_m,
     )
     start = falling.initial
     return replace(
