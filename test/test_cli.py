@@ -277,7 +277,7 @@ def test_trim_prints_one_json_object() -> None:
 
 
 def test_trim_prints_tables() -> None:
-    result = call("trim", "track")
+    result = call("trim", "track", "--set", "subject.suit=rig")
     assert result.exit_code == 0
     for part in ("glide angle", "slide oscillation", "stable", "Steady yaw rate", "also falls back to earth"):
         assert part in result.stdout
