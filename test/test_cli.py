@@ -283,6 +283,17 @@ def test_trim_prints_tables() -> None:
         assert part in result.stdout
 
 
+def test_rounding_errors_do_not_show_in_the_tables_of_trim() -> None:
+    """The same text in an air whose density differs by a hundred times the machine's precision."""
+    airs = ("0.909", "0.90900000000002", "0.90899999999998")
+    texts = {
+        call("trim", *names, "--set", f"air.density_kg_m3={air}").stdout
+        for names in ((), ("track",))
+        for air in airs
+    }
+    assert len(texts) == 2
+
+
 def test_trim_falls_straight_whoever_falls() -> None:
     values = json.loads(call("trim", "--set", "subject.mass_kg=65", "--json").stdout)
     assert (values["mass_kg"], values["glide_angle_deg"]) == (pytest.approx(65), pytest.approx(0.0, abs=1e-3))

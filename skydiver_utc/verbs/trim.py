@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 # Shares of the largest pattern angle and of the largest yaw damping at which steady turns are told.
 _ALPHA_SHARES = (0.25, 0.5, 0.75, 1.0)
 _DAMPING_SHARES = (1 / 12, 1 / 3, 2 / 3, 1.0)
+# Accelerations [m/s2, rad/s2] below this are rounding errors.
+_ROUNDING = 1e-12
 
 
 def trim(
@@ -186,12 +188,13 @@ def _table_of_fall(values: dict[str, Any]) -> Table:
     table.add_row("inertia Ixy Ixz Iyz", _numbers([inertia[0][1], inertia[0][2], inertia[1][2]], 2), "kg m2")
     table.add_row("speed", f"{values['speed_m_s']:.2f}", "m/s")
     table.add_row("fall rate", f"{values['fall_rate_m_s']:.2f}", "m/s")
-    table.add_row(
-        "glide angle", _numbers([values["glide_angle_deg"]], 2), f"deg, {values['glide_direction']}"
-    )
+    glide = _numbers([values["glide_angle_deg"]], 2)
+    # A glide of nothing points where rounding errors point.
+    direction = f", {values['glide_direction']}" if float(glide) else ""
+    table.add_row("glide angle", glide, f"deg{direction}")
     table.add_row("pitch, head low", _numbers([values["pitch_deg"]], 2), "deg")
-    table.add_row("left of linear acceleration", f"{values['residual_m_s2']:.1e}", "m/s2")
-    table.add_row("left of angular acceleration", f"{values['residual_rad_s2']:.1e}", "rad/s2")
+    table.add_row("left of linear acceleration", _residual(values["residual_m_s2"]), "m/s2")
+    table.add_row("left of angular acceleration", _residual(values["residual_rad_s2"]), "rad/s2")
     return table
 
 
@@ -229,6 +232,11 @@ def _table_of_turning(values: dict[str, Any]) -> Table:
         rates = ("none" if rate is None else _numbers([rate], 1) for rate in row["yaw_rate_deg_s"])
         table.add_row(f"{row['Cm_damp_yaw']:g}", *rates)
     return table
+
+
+def _residual(value: float) -> str:
+    """What is left of an acceleration; below a bound, rounding errors are not told."""
+    return f"{value:.1e}" if value >= _ROUNDING else f"< {_ROUNDING:.0e}"
 
 
 def _numbers(values: Sequence[float], digits: int) -> str:
