@@ -10,7 +10,7 @@ STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help install demo test kills lint bench bench-tools study paper soak clean
+.PHONY: help install demo test kills lint bench bench-tools bench-ros study paper soak clean
 
 help:
 	@echo "make demo      fly SCENARIO ($(SCENARIO)) over ROS and record it below bags/"
@@ -18,6 +18,7 @@ help:
 	@echo "make kills     kill the recorder 20 times in flight, count what is recovered"
 	@echo "make lint      ruff and mypy"
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
+	@echo "make bench-ros time a flight over four processes beside a bare rclpy loop of four; some three minutes"
 	@echo "make study     fly 500 random tunings again, into docs/paper; some twenty minutes"
 	@echo "make paper     make all of docs/paper and docs/figures/tuning again, study included"
 	@echo "make soak      30 simulated minutes in lockstep, 10 minutes in real time: memory, losses, lateness"
@@ -46,6 +47,9 @@ bench: $(STAMP)
 bench-tools: $(STAMP)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation '.[bench]'
 	$(VENV)/bin/python benchmarks/run.py $(ARGS)
+
+bench-ros: $(STAMP)
+	$(VENV)/bin/python benchmarks/four_processes.py $(ARGS)
 
 study: $(STAMP)
 	$(VENV)/bin/skydiver-utc study tuning --count 500 --seed 1 --out docs/paper

@@ -8,29 +8,17 @@ machine the ratios count. ``chrt -f 20`` before the command shows the stack with
 import json
 import os
 import statistics
-import subprocess
-import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
 import click
 import yaml
-from ping_pong import paced_lateness
+from bare_nodes import paced_lateness
+from flights import BAG, SCENARIO, Memory, bare, fly
 
-from skydiver_utc.parameters import Scenario, load_scenario, to_yaml
-from skydiver_utc.verbs.node_processes import (
-    CONTROLLER,
-    PLANT,
-    RECORDER,
-    REFERENCE,
-    NodeProcesses,
-    Parameters,
-)
-from skydiver_utc.verbs.ros_environment import node_environment
+from skydiver_utc.parameters import Scenario, load_scenario
 
-SCENARIO = "fast_turn_unknown_dynamics"
 # Messages of a flight of n states, n minus this, on the topics that have one each step.
 EACH_STEP = {
     "/clock": 0,
@@ -42,45 +30,10 @@ EACH_STEP = {
 }
 ANSWERS = ("/skydiver/command", "/skydiver/controller/telemetry")  # in real time a state may have none
 _WARM_UP_S = 60.0
-_BARE_S = 60.0
+_SLEEP_S = 60.0
 
 
-def fly(scenario: Scenario, mode: str, folder: Path) -> dict[str, Any]:
-    """One flight; what the plant reported last, the memory of each node over time, what the bag lacks."""
-    with NodeProcesses(node_environment(os.environ), folder) as nodes:
-        resolved = folder / "scenario.yaml"
-        resolved.write_text(to_yaml(scenario), encoding="utf-8")
-        bag = folder / "bag"
-        common: Parameters = {"scenario": str(resolved), "wait_for_recorder": True}
-        nodes.start(RECORDER, {"scenario": str(resolved), "bag_folder": str(bag)})
-        nodes.start(CONTROLLER, common | {"mode": mode})
-        nodes.start(REFERENCE, common)
-        nodes.start(PLANT, common | {"mode": mode, "progress": True})
-        memory: list[tuple[float, dict[str, float]]] = []
-        report: dict[str, Any] = {}
-        while not nodes.ended(PLANT):
-            for line in nodes.reports():
-                report = line
-            if report and (not memory or time.monotonic() - memory[-1][0] > 1.0):
-                memory.append((time.monotonic(), resident_mb(nodes.pids())))
-        nodes.end()
-    return {**report, "memory_growth_MB": growth(memory), "missing": missing(bag, report, mode)}
-
-
-def resident_mb(pids: dict[str, int]) -> dict[str, float]:
-    """Resident memory of each process that still runs [MB]."""
-    sizes = {}
-    for kind, pid in pids.items():
-        try:
-            pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
-        except (OSError, IndexError):
-            continue
-        if pages:  # a process that has ended but was not waited for has none
-            sizes[kind] = pages * os.sysconf("SC_PAGESIZE") / 1e6
-    return sizes
-
-
-def growth(memory: list[tuple[float, dict[str, float]]]) -> dict[str, float]:
+def growth(memory: Memory) -> dict[str, float]:
     """The most by which each node grew after its first minute, of a short run after its first quarter [MB]."""
     if len(memory) < 4:
         return {}
@@ -105,47 +58,48 @@ def missing(bag: Path, report: dict[str, Any], mode: str) -> dict[str, int]:
     return {name: n - counts[name] for name, n in expected.items() if counts[name] < n}
 
 
+def flight(scenario: Scenario, mode: str) -> dict[str, Any]:
+    """A recorded flight: what the plant reported, what grew and what the bag lacks."""
+    with tempfile.TemporaryDirectory(prefix="skydiver_utc_soak_") as folder:
+        told, memory = fly(scenario, mode, Path(folder))
+        lacks = missing(Path(folder) / BAG, told, mode)
+    return {**told, "memory_growth_MB": growth(memory), "missing": lacks}
+
+
 def lockstep(simulated_s: float) -> dict[str, Any]:
     """A long flight in lockstep."""
-    scenario = load_scenario(SCENARIO, {"duration_s": simulated_s})
-    with tempfile.TemporaryDirectory(prefix="skydiver_utc_soak_") as folder:
-        told = fly(scenario, "lockstep", Path(folder))
+    told = flight(load_scenario(SCENARIO, {"duration_s": simulated_s}), "lockstep")
     rate = (told["states"] - 1) / told["wall_time_s"]
     return {"simulated_s": simulated_s, "step_rate_Hz": round(rate, 1), **told}
 
 
 def real_time(duration_s: float) -> dict[str, Any]:
-    """A long flight by the clock, after a bare pair of processes and a process that only sleeps."""
+    """A long flight by the clock, between two halves of as many steps of a bare pair of processes."""
     scenario = load_scenario(SCENARIO, {"duration_s": duration_s})
-    bare = bare_pair(min(_BARE_S, duration_s), scenario.dt_s)
-    with tempfile.TemporaryDirectory(prefix="skydiver_utc_soak_") as folder:
-        told = fly(scenario, "real_time", Path(folder))
+    before = bare_pair(duration_s / 2, scenario.dt_s)
+    told = flight(scenario, "real_time")
+    after = bare_pair(duration_s / 2, scenario.dt_s)
+    pair = {name: before[name] + after[name] for name in before}
     account = told["real_time"]
-    sleeping = paced_lateness(min(_BARE_S, duration_s), scenario.dt_s, lambda: None)
+    sleeping = paced_lateness(min(_SLEEP_S, duration_s), scenario.dt_s, lambda: None)
     return {
         "duration_s": duration_s,
         "nominal_rate_Hz": round(1.0 / scenario.dt_s, 3),
+        "ping_pong": pair,
         "late_steps_percent": percent(account["late_steps"], account["steps"]),
-        "late_ping_pong_percent": percent(bare["late"], bare["count"]),
+        "late_ping_pong_percent": percent(pair["late"], pair["count"]),
+        "late_steps_within_bar": account["late_steps"] * pair["count"] <= 2 * pair["late"] * account["steps"],
         "late_answers_percent": percent(account["steps"] - account["on_time"], account["steps"]),
-        "late_pongs_percent": percent(bare["unanswered"], bare["count"]),
+        "late_pongs_percent": percent(pair["unanswered"], pair["count"]),
         "wake_up_ms_p99": 1e3 * statistics.quantiles(sleeping, n=100)[-1],
         "late_wake_ups_percent": percent(sum(late > scenario.dt_s for late in sleeping), len(sleeping)),
         **told,
     }
 
 
-def bare_pair(duration_s: float, dt_s: float) -> dict[str, Any]:
-    """The ping-pong of ``ping_pong.py`` in two processes of its own."""
-    environment = node_environment(os.environ)
-    script = str(Path(__file__).with_name("ping_pong.py"))
-    with subprocess.Popen([sys.executable, script, "pong"], env=environment) as pong:
-        try:
-            command = [sys.executable, script, "ping", str(duration_s), str(dt_s)]
-            done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-        finally:
-            pong.terminate()
-    result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+def bare_pair(duration_s: float, dt_s: float) -> dict[str, int]:
+    """The ping-pong of ``bare_nodes.py`` in two processes of its own."""
+    result: dict[str, int] = bare(["ping", str(duration_s), str(dt_s)], [["pong"]])
     return result
 
 

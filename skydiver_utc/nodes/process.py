@@ -1,5 +1,6 @@
 """One node as a process: help, environment, signals, and errors as one sentence. rclpy is imported late."""
 
+import gc
 import importlib
 import os
 import signal
@@ -20,7 +21,6 @@ _NODES = {
     "player": ("bag_player", "PlayerNode"),
 }
 _REFUSED = 2
-_WAKE_UP_S = 0.1
 
 
 class StopRequest:
@@ -72,9 +72,11 @@ def _node_class(kind: str) -> Any:
 
 def _run(kind: str, arguments: list[str]) -> int:
     import rclpy
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.executors import ExternalShutdownException
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import remove_ros_args
+
+    from skydiver_utc.nodes.direct_loop import DirectLoop
 
     stop = StopRequest()
     try:
@@ -86,20 +88,22 @@ def _run(kind: str, arguments: list[str]) -> int:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         raise ParameterError(str(error).partition(", at /")[0]) from error
-    executor = SingleThreadedExecutor()
     try:
         node = _node_class(kind)()
         stop.deferred = True
-        executor.add_node(node)
+        loop = DirectLoop(node)
+        # What is there by now stays: the collector need not go through it again in flight, which takes longer than a step.
+        gc.collect()
+        gc.freeze()
         try:
             while not (node.finished or stop.requested):
-                executor.spin_once(timeout_sec=_WAKE_UP_S)
+                loop.spin_once()
         except ExternalShutdownException:
             pass
         code = int(node.close())
+        loop.shutdown()
         return _refuse(kind, node.refused) if node.refused else code
     finally:
-        executor.shutdown()
         rclpy.try_shutdown()
         # The interpreter gives signals back to the system before it ends: one that comes late would kill it then.
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -1,0 +1,87 @@
+"""One flight over four processes with the recorder on, and the bare nodes beside it."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from skydiver_utc.parameters import Scenario, to_yaml
+from skydiver_utc.verbs.node_processes import (
+    CONTROLLER,
+    PLANT,
+    RECORDER,
+    REFERENCE,
+    NodeProcesses,
+    Parameters,
+)
+from skydiver_utc.verbs.ros_environment import node_environment
+
+SCENARIO = "fast_turn_unknown_dynamics"
+BAG = "bag"  # where a flight is recorded, in its folder
+Memory = list[tuple[float, dict[str, float]]]
+
+
+def fly(scenario: Scenario, mode: str, folder: Path) -> tuple[dict[str, Any], Memory]:
+    """One flight; what the plant reported last, and the memory of each node over time."""
+    with NodeProcesses(node_environment(os.environ), folder) as nodes:
+        resolved = folder / "scenario.yaml"
+        resolved.write_text(to_yaml(scenario), encoding="utf-8")
+        common: Parameters = {"scenario": str(resolved), "wait_for_recorder": True}
+        nodes.start(RECORDER, {"scenario": str(resolved), "bag_folder": str(folder / BAG)})
+        nodes.start(CONTROLLER, common | {"mode": mode})
+        nodes.start(REFERENCE, common)
+        nodes.start(PLANT, common | {"mode": mode, "progress": True})
+        memory: Memory = []
+        report: dict[str, Any] = {}
+        while not nodes.ended(PLANT):
+            for line in nodes.reports():
+                report = line
+            if report and (not memory or time.monotonic() - memory[-1][0] > 1.0):
+                memory.append((time.monotonic(), resident_mb(nodes.pids())))
+        nodes.end()
+        if "outcome" not in report:
+            said = "".join(f"\n{kind}:{nodes.last_lines(kind)}" for kind in nodes.pids())
+            raise RuntimeError(f"the flight has no outcome; the nodes said{said}")
+    return report, memory
+
+
+def resident_mb(pids: dict[str, int]) -> dict[str, float]:
+    """Resident memory of each process that still runs [MB]."""
+    sizes = {}
+    for kind, pid in pids.items():
+        try:
+            pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
+        except (OSError, IndexError):
+            continue
+        if pages:  # a process that has ended but was not waited for has none
+            sizes[kind] = pages * os.sysconf("SC_PAGESIZE") / 1e6
+    return sizes
+
+
+def bare(leader: Sequence[str], others: Sequence[Sequence[str]]) -> Any:
+    """Run nodes of ``bare_nodes.py`` until the leader ends; what it printed, from JSON."""
+    environment = node_environment(os.environ)
+    with _running([_command(other) for other in others], environment):
+        done = subprocess.run(_command(leader), env=environment, capture_output=True, text=True, check=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def _command(arguments: Sequence[str]) -> list[str]:
+    return [sys.executable, str(Path(__file__).with_name("bare_nodes.py")), *arguments]
+
+
+@contextmanager
+def _running(commands: Sequence[list[str]], environment: dict[str, str]) -> Iterator[None]:
+    processes = [subprocess.Popen(command, env=environment) for command in commands]
+    try:
+        yield
+    finally:
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            process.wait()

@@ -1,0 +1,154 @@
+"""Time a lockstep flight over four processes with the recorder on beside a bare loop of four: ``make bench-ros``.
+
+The bare loop (``bare_nodes.py``) sends the same messages from plain callbacks and computes nothing. The two take
+turns; a step lasts from one state to the next, by the senders' clock. Asked for: a median step of at most 1.2 times the
+bare one plus the controller's solve time, and more steps a second than real time has.
+"""
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+import msgspec
+import numpy as np
+from bare_nodes import Loop
+from flights import BAG, SCENARIO, bare, fly
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+from timing import machine
+
+from skydiver_utc.nodes.node_parameters import resolve
+from skydiver_utc.parameters import Scenario, load_scenario
+from skydiver_utc.plant.skydiver import CONTROL_NAMES
+from skydiver_utc.recording.reader import read_bag
+from skydiver_utc.simulation.build import build_controller, build_plant
+
+_FACTOR = 1.2
+_JOINT_STATES_EVERY = 8  # steps: the display rate of about 30 Hz
+_STATE, _TELEMETRY = "/skydiver/state", "/skydiver/controller/telemetry"
+
+
+class Turn(NamedTuple):
+    """One loop from its first state to its last."""
+
+    steps_s: NDArray[np.float64]
+    solves_s: NDArray[np.float64]
+
+    @property
+    def rate_hz(self) -> float:
+        """Steps a second over the whole."""
+        return len(self.steps_s) / float(self.steps_s.sum())
+
+
+def bare_turn(scenario: Scenario) -> Turn:
+    """The bare loop."""
+    loop = msgspec.json.encode(_loop(scenario)).decode()
+    others = (["recorder"], ["controller", loop], ["reference", loop])
+    sent_at_ns = bare(["plant", loop], others)
+    return Turn(np.diff(np.array(sent_at_ns)) * 1e-9, np.empty(0))
+
+
+def our_turn(scenario: Scenario) -> Turn:
+    """Our nodes; the times of the steps and of the solver are those in the bag."""
+    with tempfile.TemporaryDirectory(prefix="skydiver_utc_bench_") as folder:
+        told, _ = fly(scenario, "lockstep", Path(folder))
+        if told["outcome"] != "completed":
+            raise click.ClickException(f"the flight ended with {told['outcome']}: {told['reason']}")
+        recorded = read_bag(Path(folder) / BAG, (_STATE, _TELEMETRY))
+        telemetry = recorded[_TELEMETRY].messages
+        solve_time = telemetry[0].name.index("solve_time")
+        solves_s = np.array([message.position[solve_time] for message in telemetry])
+        return Turn(np.diff(recorded[_STATE].publish_times_ns) * 1e-9, solves_s)
+
+
+def _loop(scenario: Scenario) -> Loop:
+    chunk_steps = int(resolve("reference", {}).own["chunk_steps"])
+    return Loop(
+        steps=scenario.steps,
+        dt_ns=scenario.dt_ns,
+        control_names=list(CONTROL_NAMES),
+        joint_names=list(build_plant(scenario).joint_names),
+        telemetry_names=[*build_controller(scenario).telemetry_names, "solve_time", "status"],
+        joint_states_every=_JOINT_STATES_EVERY,
+        chunk_steps=chunk_steps,
+        preview_points=scenario.preview_steps + 2 * chunk_steps + 1,
+    )
+
+
+def compare(bare_turns: list[Turn], our_turns: list[Turn], dt_s: float) -> dict[str, Any]:
+    """The figures in ms and Hz, and whether they are what is asked for."""
+    bare_ms, ours_ms = (
+        1e3 * np.concatenate([turn.steps_s for turn in turns]) for turns in (bare_turns, our_turns)
+    )
+    solve_ms = 1e3 * float(np.median(np.concatenate([turn.solves_s for turn in our_turns])))
+    bare_median, our_median = float(np.median(bare_ms)), float(np.median(ours_ms))
+    allowed_ms = _FACTOR * bare_median + solve_ms
+    rate_hz = float(np.median([turn.rate_hz for turn in our_turns]))
+    return {
+        "bare": {
+            "step_ms": bare_median,
+            "step_ms_p99": float(np.percentile(bare_ms, 99)),
+            "rate_Hz": float(np.median([turn.rate_hz for turn in bare_turns])),
+        },
+        "ours": {
+            "step_ms": our_median,
+            "step_ms_p99": float(np.percentile(ours_ms, 99)),
+            "rate_Hz": rate_hz,
+        },
+        "solve_ms": solve_ms,
+        "allowed_step_ms": allowed_ms,
+        "ratio": (our_median - solve_ms) / bare_median,
+        "ratio_of_each_turn": [
+            float((np.median(our.steps_s) - np.median(our.solves_s)) / np.median(other.steps_s))
+            for other, our in zip(bare_turns, our_turns, strict=True)
+        ],
+        "real_time_factor": rate_hz * dt_s,
+        "step_within_bar": our_median <= allowed_ms,
+        "faster_than_real_time": rate_hz * dt_s > 1.0,
+    }
+
+
+def show(told: dict[str, Any], where: dict[str, str]) -> None:
+    """The figures on the screen."""
+    table = Table(title=", ".join(f"{name} {value}" for name, value in where.items()))
+    for heading in ("four processes", "step: median [ms]", "p99 [ms]", "steps per second"):
+        table.add_column(heading, justify="left" if heading == "four processes" else "right")
+    for name, label in (("bare", "bare rclpy loop"), ("ours", "our nodes, recorder on")):
+        row = told[name]
+        table.add_row(label, *(f"{row[key]:.3g}" for key in ("step_ms", "step_ms_p99", "rate_Hz")))
+    Console().print(table)
+    turns = ", ".join(f"{ratio:.3g}" for ratio in told["ratio_of_each_turn"])
+    click.echo(
+        f"solve time {told['solve_ms']:.3g} ms: a step of at most {_FACTOR:g} x {told['bare']['step_ms']:.3g} +"
+        f" {told['solve_ms']:.3g} = {told['allowed_step_ms']:.3g} ms is asked for:"
+        f" {'met' if told['step_within_bar'] else 'missed'}"
+    )
+    click.echo(f"(step - solve) / bare = {told['ratio']:.3g}; turn by turn {turns}")
+    faster = "faster" if told["faster_than_real_time"] else "slower"
+    click.echo(f"{told['real_time_factor']:.3g} times real time: {faster} than the clock")
+
+
+@click.command(help=__doc__)
+@click.option("--turns", default=3, show_default=True, help="How often each loop runs.")
+@click.option("--duration-s", default=20.0, show_default=True, help="Simulated seconds of each turn.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def main(turns: int, duration_s: float, as_json: bool) -> None:
+    """Let the two loops take turns."""
+    scenario = load_scenario(SCENARIO, {"duration_s": duration_s})
+    bare_turns, our_turns = [], []
+    for _ in track(range(turns), "flying", console=Console(stderr=True)):
+        bare_turns.append(bare_turn(scenario))
+        our_turns.append(our_turn(scenario))
+    told, where = compare(bare_turns, our_turns, scenario.dt_s), machine()
+    if as_json:
+        click.echo(json.dumps({"machine": where, **told}, indent=2))
+    else:
+        show(told, where)
+
+
+if __name__ == "__main__":
+    main()
