@@ -1,8 +1,8 @@
 """Time a lockstep flight over four processes with the recorder on beside a bare loop of four: ``make bench-ros``.
 
 The bare loop (``bare_nodes.py``) sends the same messages from plain callbacks and computes nothing. The two take
-turns; a step lasts from one state to the next, by the senders' clock. Asked for: a median step of at most 1.2 times the
-bare one plus the controller's solve time, and more steps a second than real time has.
+turns; a step lasts from one state to the next, by the senders' clock. Asked for: a median step of at most 1.2 times
+the bare one plus the controller's solve time, and more steps a second than real time has.
 """
 
 import json

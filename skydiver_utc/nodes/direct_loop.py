@@ -1,8 +1,8 @@
 """The loop of a node that has a process to itself: messages and timers at a fraction of the executor's cost.
 
 For each callback rclpy's executor builds a wait set of everything that the node has, services and events included,
-wraps the callback into a task, and wakes itself up once more. Here one wait set holds subscriptions and timers only,
-and what is ready is called at once. Services and events are left to the executor, which is asked now and then. The
+wraps the callback into a task, and wakes itself up once more. Here one wait set holds subscriptions and timers, and
+what is ready is called at once. Services and events are left to the executor, which is asked now and then. The
 callbacks are the same, so that nodes of one process can share an executor as well.
 """
 

@@ -14,6 +14,7 @@ from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.diagnostics import Health, Level, Rate
 from skydiver_utc.nodes.messages import NamedValuesWriter, Vector, read_named_values, read_state
 from skydiver_utc.nodes.polled import take_all
+from skydiver_utc.nodes.presence import State
 from skydiver_utc.nodes.preview import PreviewStore, read_preview
 from skydiver_utc.nodes.scenario_node import ScenarioNode
 from skydiver_utc.plant.skydiver import CONTROL_NAMES
@@ -216,16 +217,19 @@ class ControllerNode(ScenarioNode):
                 f" {self._needs} steps; is the reference node running, with the same scenario?"
             )
         if self._pending is not None and self._held is None:
-            return (
+            sentence = (
                 f"waiting for the reference of step {self._pending[0]}: it covers {self._preview.covered()}"
             )
+            return "; ".join(filter(None, (sentence, self.presences[topics.REFERENCE].sentence())))
         if waiting and (unheard := self.unmatched()):
             return f"waiting for listeners on {', '.join(unheard)}"
         in_flight = 0 <= self.answered < self.scenario.steps - 1
         silent_s = time.monotonic() - self._answered_at
-        if in_flight and silent_s > _PATIENCE_S:
+        plant = self.presences[topics.PLANT]
+        if in_flight and (silent_s > _PATIENCE_S or plant.state is State.DIED):
             return (
-                f"no new state after step {self.answered} for {silent_s:.0f} s: the plant has stopped or died;"
+                f"no new state after step {self.answered} for {silent_s:.1f} s:"
+                f" {plant.sentence() or 'the plant has stopped or died'};"
                 " waiting for a state, of this flight or of a new one"
             )
         return ""

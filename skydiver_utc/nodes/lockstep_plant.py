@@ -16,6 +16,7 @@ from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.diagnostics import Health, Level, Rate
 from skydiver_utc.nodes.messages import ClockWriter, NamedValuesWriter, StateWriter, Vector, read_named_values
 from skydiver_utc.nodes.polled import Polled, take_all
+from skydiver_utc.nodes.presence import State
 from skydiver_utc.nodes.real_time_pace import Answer, RealTimePace
 from skydiver_utc.nodes.scenario_node import ScenarioNode
 from skydiver_utc.parameters import to_yaml
@@ -100,10 +101,16 @@ class PlantNode(ScenarioNode):
         if self.k < 0:
             return Health(Level.OK, f"waiting: there is {' and '.join(self._missing()) or 'all'}", values)
         if self._real_time is not None and self._real_time.accounts.silence:
-            return Health(Level.WARN, self._real_time.sentence(), values)
+            return Health(Level.WARN, self._and_its_process(self._real_time.sentence()), values)
         if self.retries:
-            return Health(Level.WARN, f"no command for step {self.k}, its state was sent again", values)
-        return Health(Level.OK, "flying", values)
+            sentence = f"no command for step {self.k}, its state was sent again"
+            return Health(Level.WARN, self._and_its_process(sentence), values)
+        gone = [p.sentence() for p in self.presences.values() if p.state is State.DIED]
+        return Health(Level.WARN if gone else Level.OK, "; ".join(["flying", *gone]), values)
+
+    def _and_its_process(self, silence: str) -> str:
+        """A sentence on missing commands, with what is known of the controller's process."""
+        return "; ".join(filter(None, (silence, self.presences[topics.CONTROLLER].sentence())))
 
     def on_recorder_ready(self, _: Any) -> None:
         """The recorder hears every topic."""
@@ -282,12 +289,13 @@ class PlantNode(ScenarioNode):
         if self.retries == self.own["command_retries"]:
             last = f"; the last message refused was on {self.refusals.last}" if self.refusals.last else ""
             reason = f"no command for step {self.k} in {timeout_s:g} s, {self.retries + 1} times over{last}"
-            self._monitor.end(Outcome.NO_COMMAND, reason)
+            self._monitor.end(Outcome.NO_COMMAND, self._and_its_process(reason))
             self._finish()
             return
         self.retries += 1
         self.sent_again += 1
-        self.get_logger().warning(f"no command for step {self.k} in {timeout_s:g} s: sending its state again")
+        late = f"no command for step {self.k} in {timeout_s:g} s: sending its state again"
+        self.get_logger().warning(self._and_its_process(late))
         if self.k > 0:
             # A controller that was started again goes on from here.
             self._applieds.publish(self._write_applied(self.k - 1, self._applied[:4]))
@@ -313,7 +321,7 @@ class PlantNode(ScenarioNode):
         pace = self._real_time
         if pace is not None:
             if self.outcome is Outcome.COMPLETED and (silence := pace.silence_sentence()):
-                self._monitor.end(Outcome.NO_COMMAND, silence)
+                self._monitor.end(Outcome.NO_COMMAND, self._and_its_process(silence))
             elif sentence := pace.sentence():
                 self._monitor.end(self.outcome, f"{self.reason}; {sentence}")
             report = {"outcome": self.outcome.value, "reason": self.reason, "real_time": pace.told()}

@@ -10,6 +10,7 @@ from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.messages import SETPOINT_AXES, SetpointWriter
+from skydiver_utc.nodes.presence import State
 from skydiver_utc.nodes.preview import PreviewWriter
 from skydiver_utc.nodes.scenario_node import ScenarioNode
 from skydiver_utc.simulation.build import build_reference
@@ -72,8 +73,10 @@ class ReferenceNode(ScenarioNode):
         silent_s = time.monotonic() - self._heard_at
         if self._k < 0:
             return Health(Level.OK, "waiting for the clock", values)
-        if self._k < self.scenario.steps and silent_s > _PATIENCE_S:
-            sentence = f"the clock stands still after step {self._k}: the plant waits, has stopped or died"
+        died = self.presences[topics.PLANT].state is State.DIED
+        if self._k < self.scenario.steps and (died or silent_s > _PATIENCE_S):
+            plant = self.presences[topics.PLANT].sentence() or "the plant waits, has stopped or died"
+            sentence = f"the clock stands still after step {self._k}: {plant}"
             if not self._told_silence:
                 self._told_silence = True
                 self.get_logger().warning(sentence)

@@ -92,7 +92,7 @@ def _run(kind: str, arguments: list[str]) -> int:
         node = _node_class(kind)()
         stop.deferred = True
         loop = DirectLoop(node)
-        # What is there by now stays: the collector need not go through it again in flight, which takes longer than a step.
+        # What is there by now stays. The collector would go through it in flight, for longer than a step.
         gc.collect()
         gc.freeze()
         try:

@@ -8,6 +8,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -18,6 +19,7 @@ from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError, Refusals
 from skydiver_utc.nodes.diagnostics import Health, Level, ProcessUsage, diagnostic_message
 from skydiver_utc.nodes.node_parameters import resolve
+from skydiver_utc.nodes.presence import Presence
 from skydiver_utc.nodes.roll_call import RollCall, read_claim
 from skydiver_utc.nodes.stamps import StepGrid
 from skydiver_utc.nodes.topics import NAMESPACE, Topic
@@ -27,6 +29,13 @@ _LARGEST_INTEGER = 2**63 - 1
 _DIAGNOSTICS_PERIOD_S = 1.0
 # Two recorders write into two folders; of all others one is enough.
 _ONE_OF_A_KIND = (topics.PLANT, topics.REFERENCE, topics.CONTROLLER)
+# Whose process a node watches, to tell a silence from a death.
+_WATCHED = {
+    topics.PLANT: (topics.CONTROLLER, topics.RECORDER),
+    topics.CONTROLLER: (topics.PLANT, topics.REFERENCE),
+    topics.REFERENCE: (topics.PLANT,),
+    topics.RECORDER: (topics.PLANT,),
+}
 
 
 class ScenarioNode(Node):
@@ -58,6 +67,8 @@ class ScenarioNode(Node):
         self._usage = ProcessUsage()
         self._diagnostics = self._publisher(topics.DIAGNOSTICS)
         self.every(_DIAGNOSTICS_PERIOD_S, self.publish_diagnostics)
+        self._alive = self._publisher(topics.ALIVE[kind])
+        self.presences = {other: self._watch_process(other) for other in _WATCHED[kind]}
         self._roll_call = self._join(kind) if kind in _ONE_OF_A_KIND else None
         changes = "; ".join(resolved.changes) or "as in its file"
         self.get_logger().info(f"scenario {resolved.scenario.name}: {changes}")
@@ -82,7 +93,14 @@ class ScenarioNode(Node):
         refused = {f"refused_{kind}": count for kind, count in sorted(self.refusals.counts.items())}
         if self._roll_call is not None:
             refused["others_told_to_leave"] = self._roll_call.others
-        values = {**health.values, **refused, "last_refusal": self.refusals.last, **self._usage.read()}
+        processes = {f"{kind}_process": presence.state.value for kind, presence in self.presences.items()}
+        values = {
+            **health.values,
+            **processes,
+            **refused,
+            "last_refusal": self.refusals.last,
+            **self._usage.read(),
+        }
         message = diagnostic_message(
             self.grid,
             self.newest_step(),
@@ -129,6 +147,13 @@ class ScenarioNode(Node):
 
     def _publisher(self, topic: Topic) -> Publisher:
         return self.create_publisher(topic.type, topic.name, topic.qos)
+
+    def _watch_process(self, kind: str) -> Presence:
+        presence = Presence(kind, self.get_logger().warning)
+        topic = topics.ALIVE[kind]
+        events = SubscriptionEventCallbacks(liveliness=presence.on_change)
+        self.create_subscription(topic.type, topic.name, lambda _: None, topic.qos, event_callbacks=events)
+        return presence
 
     def _join(self, kind: str) -> RollCall:
         roll_call = RollCall(kind, self._publisher(topics.ROLL_CALL).publish, self.refuse)

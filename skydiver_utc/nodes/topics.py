@@ -6,10 +6,17 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
-from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.duration import Duration
+from rclpy.qos import (
+    QoSDurabilityPolicy,
+    QoSHistoryPolicy,
+    QoSLivelinessPolicy,
+    QoSProfile,
+    QoSReliabilityPolicy,
+)
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Empty, String
 from trajectory_msgs.msg import JointTrajectory
 
 NAMESPACE = "skydiver"
@@ -38,6 +45,13 @@ def _quality(depth: int, durability: QoSDurabilityPolicy) -> QoSProfile:
 EACH_STEP = _quality(1000, QoSDurabilityPolicy.VOLATILE)
 CHUNKS = _quality(20, QoSDurabilityPolicy.TRANSIENT_LOCAL)
 LATCHED = _quality(1, QoSDurabilityPolicy.TRANSIENT_LOCAL)
+
+# A listener with a lease hears no publisher without one. So the lease is on topics of its own: on those of the flight
+# anybody may publish and listen with the default quality.
+LEASE_S = 0.4
+_LEASED = _quality(1, QoSDurabilityPolicy.VOLATILE)
+_LEASED.liveliness = QoSLivelinessPolicy.AUTOMATIC
+_LEASED.liveliness_lease_duration = Duration(seconds=LEASE_S)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +107,11 @@ TOPICS = (
     RECORDER_READY,
     ROLL_CALL,
 )
+# By the kind of node whose process it stands for; nothing is sent on them.
+ALIVE = {
+    kind: Topic(f"alive/{kind}", Empty, _LEASED, kind, recorded=False)
+    for kind in (PLANT, REFERENCE, CONTROLLER, RECORDER)
+}
 RECORDED = tuple(topic for topic in TOPICS if topic.recorded)
 
 
