@@ -2,8 +2,8 @@
 
 ``ping`` and ``pong`` are the pair beside the real-time mode: ping sends an Odometry at each deadline of the steady
 clock and prints how late it was and how many answers were not there a step later. ``plant``, ``controller``,
-``reference`` and ``recorder`` are the loop beside lockstep: topics, types, sizes and qualities of service as ours, each
-step on the command's callback; plant prints when it sent each state.
+``reference`` and ``recorder`` are the loop beside lockstep: topics, types, sizes and qualities of service as ours,
+each step on the command's callback; plant prints when it sent each state.
 """
 
 import json

@@ -18,6 +18,7 @@ from bare_nodes import paced_lateness
 from flights import BAG, SCENARIO, Memory, bare, fly
 
 from skydiver_utc.parameters import Scenario, load_scenario
+from skydiver_utc.recording.reader import read_bag
 
 # Messages of a flight of n states, n minus this, on the topics that have one each step.
 EACH_STEP = {
@@ -30,6 +31,7 @@ EACH_STEP = {
 }
 ANSWERS = ("/skydiver/command", "/skydiver/controller/telemetry")  # in real time a state may have none
 _WARM_UP_S = 60.0
+DIAGNOSTICS = "/diagnostics"
 _SLEEP_S = 60.0
 
 
@@ -63,7 +65,18 @@ def flight(scenario: Scenario, mode: str) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="skydiver_utc_soak_") as folder:
         told, memory = fly(scenario, mode, Path(folder))
         lacks = missing(Path(folder) / BAG, told, mode)
-    return {**told, "memory_growth_MB": growth(memory), "missing": lacks}
+        cpu = cpu_percent(Path(folder) / BAG)
+    return {**told, "memory_growth_MB": growth(memory), "cpu_percent": cpu, "missing": lacks}
+
+
+def cpu_percent(bag: Path) -> dict[str, float]:
+    """What each node said of its share of a processor, once a second: the median."""
+    said: dict[str, list[float]] = {}
+    for message in read_bag(bag, [DIAGNOSTICS])[DIAGNOSTICS].messages:
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            said.setdefault(status.name, []).append(float(values["cpu_percent"]))
+    return {name: statistics.median(values) for name, values in said.items()}
 
 
 def lockstep(simulated_s: float) -> dict[str, Any]:

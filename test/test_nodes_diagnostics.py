@@ -140,6 +140,6 @@ def test_a_controller_that_hears_no_more_states_says_so(ros: Ros, monkeypatch: p
     monkeypatch.setattr(node, "unmatched", list)
     health = node.health()
     assert health.level is Level.WARN
-    assert "no new state after step 5 for 7 s" in health.sentence
+    assert "no new state after step 5 for 7.0 s" in health.sentence
     node.answered = node.scenario.steps - 1
     assert node.health().level is Level.OK

@@ -120,8 +120,8 @@ def test_when_the_plant_is_killed_the_others_say_so_and_serve_the_next_one(
 
 def test_a_recorder_that_is_killed_does_not_stop_the_flight(processes: Processes, tmp_path: Path) -> None:
     """The flight is longer than what a publisher keeps for a listener that does not acknowledge."""
-    given = overrides(12.0, wait_for_recorder=True)
-    recorder = processes.start("recorder", overrides(12.0, bag_folder=tmp_path / "bag"))
+    given = overrides(30.0, wait_for_recorder=True)
+    recorder = processes.start("recorder", overrides(30.0, bag_folder=tmp_path / "bag"))
     plant = processes.start("plant", given | {"progress": True})
     for kind in ("controller", "reference"):
         processes.start(kind, given)

@@ -21,7 +21,7 @@ from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.messages import SETPOINT_AXES
 from skydiver_utc.nodes.polled import Polled
 from skydiver_utc.nodes.scenario_node import ScenarioNode
-from skydiver_utc.nodes.topics import RECORDED, Topic, rosbag2_qos
+from skydiver_utc.nodes.topics import EACH_STEP, RECORDED, Topic, rosbag2_qos
 from skydiver_utc.nodes.versions import versions
 from skydiver_utc.parameters import to_yaml
 from skydiver_utc.recording.errors import RecordingError
@@ -30,7 +30,7 @@ from skydiver_utc.recording.stamps import leading_stamp_ns
 from skydiver_utc.recording.writer import BagWriter
 
 _POLL_S = 0.02
-_DEPTH = 2000
+_DEPTH = 2 * EACH_STEP.depth  # a sender's whole history at once, and what comes meanwhile
 _FLUSH_INTERVAL_S = 0.25  # a killed recorder loses this, the poll and the writing: well below half a second
 _PATIENCE_S = 5.0
 _QUIET_S = 0.1

@@ -21,7 +21,7 @@ _EXECUTOR_PERIOD_S = 0.05
 
 
 class DirectLoop:
-    """Spins one node."""
+    """Spins one node, which has at least one timer."""
 
     def __init__(self, node: Node) -> None:
         self._node = node

@@ -40,14 +40,14 @@ def _quality(depth: int, durability: QoSDurabilityPolicy) -> QoSProfile:
     )
 
 
-# The sender's history is what a listener that was held up can still get: three seconds of flight. With a
-# depth of 10 a recorder that stands still for half a second loses messages.
-EACH_STEP = _quality(1000, QoSDurabilityPolicy.VOLATILE)
+# The sender's history is what a listener that was held up can still get: more than two seconds of the fastest
+# lockstep seen. With a depth of 10 a recorder that stands still for half a second loses messages.
+EACH_STEP = _quality(5000, QoSDurabilityPolicy.VOLATILE)
 CHUNKS = _quality(20, QoSDurabilityPolicy.TRANSIENT_LOCAL)
 LATCHED = _quality(1, QoSDurabilityPolicy.TRANSIENT_LOCAL)
 
-# A listener with a lease hears no publisher without one. So the lease is on topics of its own: on those of the flight
-# anybody may publish and listen with the default quality.
+# A listener with a lease hears no publisher without one. So the lease is on topics of its own: on those of the
+# flight anybody may publish and listen with the default quality.
 LEASE_S = 0.4
 _LEASED = _quality(1, QoSDurabilityPolicy.VOLATILE)
 _LEASED.liveliness = QoSLivelinessPolicy.AUTOMATIC
