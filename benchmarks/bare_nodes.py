@@ -230,7 +230,7 @@ def _spin(node: Any, until: Callable[[], bool] = lambda: False) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     with suppress(KeyboardInterrupt, ExternalShutdownException):
-        while not until():
+        while node.context.ok() and not until():
             executor.spin_once()
     rclpy.try_shutdown()
 

@@ -23,6 +23,7 @@ from skydiver_utc.verbs.ros_environment import node_environment
 
 SCENARIO = "fast_turn_unknown_dynamics"
 BAG = "bag"  # where a flight is recorded, in its folder
+_GRACE_S = 10.0  # for a bare node to end when it is told to
 Memory = list[tuple[float, dict[str, float]]]
 
 
@@ -84,4 +85,8 @@ def _running(commands: Sequence[list[str]], environment: dict[str, str]) -> Iter
         for process in processes:
             process.terminate()
         for process in processes:
-            process.wait()
+            try:
+                process.wait(_GRACE_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
