@@ -90,11 +90,13 @@ def compare(bare_turns: list[Turn], our_turns: list[Turn], dt_s: float) -> dict[
     rate_hz = float(np.median([turn.rate_hz for turn in our_turns]))
     return {
         "bare": {
+            "steps": len(bare_ms),
             "step_ms": bare_median,
             "step_ms_p99": float(np.percentile(bare_ms, 99)),
             "rate_Hz": float(np.median([turn.rate_hz for turn in bare_turns])),
         },
         "ours": {
+            "steps": len(ours_ms),
             "step_ms": our_median,
             "step_ms_p99": float(np.percentile(ours_ms, 99)),
             "rate_Hz": rate_hz,
