@@ -44,10 +44,12 @@ class LiveParameters:
         self.changed: dict[str, object] = {}  # all that was changed since the start and is in force
         self._kind, self._scenario, self._build, self._asked = kind, resolved.scenario, build, asked
         self._proposed: Change | None = None
-        for leaf in resolved.parameters:
-            node.declare_parameter(
+        self._types = {
+            leaf.name: node.declare_parameter(
                 leaf.name, _plain(leaf.value), _descriptor(leaf, kind), ignore_override=True
-            )
+            ).type_
+            for leaf in resolved.parameters
+        }
         node.add_on_set_parameters_callback(self._propose)
         node.add_post_set_parameters_callback(self._accept)
 
@@ -56,6 +58,10 @@ class LiveParameters:
         for parameter in parameters:
             if reason := fixed_because(self._kind, parameter.name):
                 return f"{parameter.name} is read-only: {reason}"
+            wanted = self._types.get(parameter.name, parameter.type_)
+            if parameter.type_ != wanted:
+                found = parameter.type_.name.lower()
+                return f"{parameter.name} must be of type {wanted.name.lower()}, found {found}"
         return ""
 
     def take(self) -> Change:
