@@ -224,7 +224,7 @@ REFUSED = [
     (
         "controller",
         {"controller__horizon_steps": 400},
-        "would look 400 steps ahead, the present reference serves 20",
+        "would look 400 steps ahead, the present reference serves 239",
     ),
     (
         "controller",

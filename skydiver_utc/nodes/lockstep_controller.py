@@ -48,6 +48,7 @@ class ControllerNode(ScenarioNode):
         self.passed_over = 0  # states in real time that a newer one had followed already
         self._newest_only = self.own["mode"] == "real_time"
         self._planned = self.scenario.preview_steps  # what the reference node, too, was started for
+        self._some_state = build_plant(self.scenario).initial_state()
         self._preview = PreviewStore()
         self._pending: tuple[int, Vector] | None = None
         self._states: Subscription | None = None
@@ -97,7 +98,7 @@ class ControllerNode(ScenarioNode):
         self.deactivate()
 
     def rebuilt(self, scenario: Scenario) -> Controller:
-        """The controller of this scenario; another one like it has decided once, so that no flight compiles."""
+        """The controller of this scenario; it has decided once, so that no flight waits for the compiler."""
         delay_steps = self.own["delay_steps"]
         needs = scenario.preview_steps + delay_steps
         if needs > (most := self._served()):
@@ -105,9 +106,8 @@ class ControllerNode(ScenarioNode):
                 f"the controller would look {needs} steps ahead, the present reference serves {most}: set less, or"
                 " start the nodes with it, or the reference node with larger chunk_steps"
             )
-        controller, thrown_away = (build_controller(scenario, delay_steps) for _ in range(2))
-        preview = build_reference(scenario).preview(0, needs + 1)
-        thrown_away.decide(build_plant(scenario).initial_state(), preview)
+        controller = build_controller(scenario, delay_steps)
+        controller.decide(self._some_state, build_reference(scenario).preview(0, needs + 1))
         return controller
 
     def on_reference(self, message: Any) -> None:
