@@ -11,6 +11,7 @@ from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
 from ros_fixtures import Partner, Processes, Ros, overrides
 from test_nodes_flight import Bag, assert_complete, assert_equals_simulation
 
+from skydiver_utc.analysis.recorded_flight import read_flight
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.bag_recorder import RecorderNode
 from skydiver_utc.nodes.lockstep_controller import ControllerNode
@@ -138,10 +139,19 @@ def test_nodes_that_are_managed_fly_as_others_do(ros: Ros, tmp_path: Path) -> No
     assert_equals_simulation(Bag(folder), load_scenario("fast_turn_unknown_dynamics", {"duration_s": 0.3}))
 
 
+def assert_flown_as_simulated(folder: Path, duration_s: float) -> None:
+    """States and commands, those counted once that a busy machine made the plant send again."""
+    found = read_flight(folder)
+    wanted = simulate(load_scenario("fast_turn_unknown_dynamics", {"duration_s": duration_s}))
+    assert found.outcome is Outcome.COMPLETED
+    assert found.states.tobytes() == wanted.states.tobytes()
+    assert found.commands.tobytes() == wanted.commands.tobytes()
+
+
 def test_a_flight_that_pauses_goes_on_with_the_same_bits(ros: Ros, tmp_path: Path) -> None:
     """Longer than all time-outs for a command together: nothing is sent again, nobody gives up."""
-    stage = Stage(ros, 0.6, wait_for_recorder=True)
-    plant = stage.add("plant", command_timeout_s=0.05, command_retries=1)
+    stage = Stage(ros, 2.0, wait_for_recorder=True)
+    plant = stage.add("plant", command_timeout_s=0.5, command_retries=1)
     stage.add("controller")
     stage.add("reference")
     stage.given.pop("wait_for_recorder")
@@ -150,10 +160,11 @@ def test_a_flight_that_pauses_goes_on_with_the_same_bits(ros: Ros, tmp_path: Pat
     ros.spin_until(lambda: plant.k >= 40)
     manager = Manager(ros, "plant")
     assert manager.transition(DEACTIVATE)
-    k = plant.k
+    k, sent_again = plant.k, plant.sent_again
     health = ros.partner("doctor").hear(topics.DIAGNOSTICS)
-    ros.spin_for(1.5)
+    ros.spin_for(2.0)
     assert plant.k == k < plant.scenario.steps
+    assert plant.sent_again == sent_again
     assert not plant.done
     told = [status for message in health for status in message.status if status.name == "skydiver/plant"]
     values = {pair.key: pair.value for pair in told[-1].values}
@@ -161,8 +172,7 @@ def test_a_flight_that_pauses_goes_on_with_the_same_bits(ros: Ros, tmp_path: Pat
     assert manager.transition(ACTIVATE)
     ros.spin_until(lambda: recorder.finished and not recorder.missing())
     assert recorder.close() == 0
-    assert_complete(Bag(folder))
-    assert_equals_simulation(Bag(folder), load_scenario("fast_turn_unknown_dynamics", {"duration_s": 0.6}))
+    assert_flown_as_simulated(folder, 2.0)
 
 
 def test_a_command_that_comes_in_a_pause_is_used_after_it(ros: Ros) -> None:
@@ -203,7 +213,7 @@ def test_a_flight_that_is_shut_down_is_aborted_and_says_so(ros: Ros, state: str)
 
 def test_a_plant_that_was_cleaned_up_flies_again(ros: Ros) -> None:
     """First a flight that ends by the clean-up, then a whole one, then that is over until the next clean-up."""
-    stage = Stage(ros, 0.6, autostart=False)
+    stage = Stage(ros, 2.0, autostart=False)
     stage.given["autostart"] = True
     stage.add("controller", "reference")
     plant = stage.add("plant", autostart=False)
@@ -221,7 +231,7 @@ def test_a_plant_that_was_cleaned_up_flies_again(ros: Ros) -> None:
         assert manager.transition(number)
     ros.spin_until(lambda: plant.done)
     assert plant.outcome is Outcome.COMPLETED
-    flight = simulate(load_scenario("fast_turn_unknown_dynamics", {"duration_s": 0.6}))
+    flight = simulate(load_scenario("fast_turn_unknown_dynamics", {"duration_s": 2.0}))
     assert plant._state.tobytes() == flight.states[-1].tobytes()
     assert not plant.finished
     assert manager.transition(DEACTIVATE)
@@ -249,25 +259,25 @@ def test_a_flight_in_real_time_does_not_pause(ros: Ros) -> None:
 
 def test_a_controller_that_was_inactive_answers_nothing_and_goes_on(ros: Ros) -> None:
     """It missed no step of the lockstep flight, so the flight is the simulated one."""
-    stage = Stage(ros, 0.6)
+    stage = Stage(ros, 2.0)
     plant = stage.add("plant", command_timeout_s=0.3, command_retries=1000)
     controller = stage.add("reference", "controller")
     ros.spin_until(lambda: plant.k >= 40)
     manager = Manager(ros, "controller")
     assert manager.transition(DEACTIVATE)
-    ros.spin_for(0.2)
+    ros.spin_until(lambda: plant.retries > 0)
     k, answered = plant.k, controller.answered
     ros.spin_for(1.0)
     assert (plant.k, controller.answered) == (k, answered)
     assert plant.sent_again > 0
     assert manager.transition(ACTIVATE)
     ros.spin_until(lambda: plant.done)
-    flight = simulate(load_scenario("fast_turn_unknown_dynamics", {"duration_s": 0.6}))
+    flight = simulate(load_scenario("fast_turn_unknown_dynamics", {"duration_s": 2.0}))
     assert plant._state.tobytes() == flight.states[-1].tobytes()
 
 
 def test_a_controller_that_was_cleaned_up_in_flight_rejoins(ros: Ros) -> None:
-    stage = Stage(ros, 0.6)
+    stage = Stage(ros, 2.0)
     plant = stage.add("plant", command_timeout_s=0.3, command_retries=1000)
     stage.add("reference", "controller")
     changes = ros.partner("listener").hear(topics.CHANGES)
@@ -284,28 +294,28 @@ def test_a_controller_that_was_cleaned_up_in_flight_rejoins(ros: Ros) -> None:
 
 
 def test_an_inactive_reference_is_silent_and_makes_up_for_it(ros: Ros) -> None:
-    stage = Stage(ros, 1.2)
+    stage = Stage(ros, 4.0)
     plant = stage.add("plant", command_timeout_s=0.2, command_retries=1000)
     stage.add("controller")
     stage.add("reference", chunk_steps=10)
     ros.spin_until(lambda: plant.k >= 20)
     manager = Manager(ros, "reference")
     assert manager.transition(DEACTIVATE)
-    ros.spin_for(1.0)
+    ros.spin_until(lambda: plant.retries > 1)
     k = plant.k
     assert k < plant.scenario.steps
     ros.spin_for(0.5)
     assert plant.k == k
     assert manager.transition(ACTIVATE)
     ros.spin_until(lambda: plant.done)
-    flight = simulate(load_scenario("fast_turn_unknown_dynamics", {"duration_s": 1.2}))
+    flight = simulate(load_scenario("fast_turn_unknown_dynamics", {"duration_s": 4.0}))
     assert plant._state.tobytes() == flight.states[-1].tobytes()
 
 
 def test_what_an_inactive_recorder_hears_is_not_recorded_but_latched_messages_are(
     ros: Ros, tmp_path: Path
 ) -> None:
-    stage = Stage(ros, 0.6)
+    stage = Stage(ros, 2.0)
     plant = stage.add("plant", command_timeout_s=50.0)
     folder = tmp_path / "bag"
     recorder = stage.add("recorder", autostart=False, bag_folder=str(folder))
@@ -376,10 +386,10 @@ def test_what_goes_wrong_at_the_start_of_a_node_that_manages_itself_is_raised(
 
 def test_processes_are_managed_from_outside(ros: Ros, processes: Processes, tmp_path: Path) -> None:
     """All four as processes that wait for transitions, a pause in flight, shut down at the end."""
-    folder, given = tmp_path / "bag", overrides(1.0, autostart=False)
+    folder, given = tmp_path / "bag", overrides(20.0, autostart=False)
     waiting = given | {"wait_for_recorder": True}
     started = {
-        "plant": processes.start("plant", waiting | {"command_timeout_s": 0.1, "command_retries": 1}),
+        "plant": processes.start("plant", waiting | {"command_timeout_s": 1.0, "command_retries": 1}),
         "controller": processes.start("controller", waiting),
         "reference": processes.start("reference", waiting),
         "recorder": processes.start("recorder", given | {"bag_folder": folder}),
@@ -391,12 +401,11 @@ def test_processes_are_managed_from_outside(ros: Ros, processes: Processes, tmp_
             assert managers[kind].transition(number), started[kind].output
     ros.spin_until(lambda: len(states) > 30)
     assert managers["plant"].transition(DEACTIVATE)
-    ros.spin_for(1.0)
+    ros.spin_for(3.0)
     assert managers["plant"].transition(ACTIVATE)
     started["plant"].wait_for_output("completed: ")
     for kind in ("plant", "controller", "reference", "recorder"):
         assert managers[kind].transition(SHUTDOWN["active"])
         assert started[kind].wait() == 0, started[kind].output
         assert "Traceback" not in started[kind].output
-    assert_complete(Bag(folder))
-    assert_equals_simulation(Bag(folder), load_scenario("fast_turn_unknown_dynamics", {"duration_s": 1.0}))
+    assert_flown_as_simulated(folder, 20.0)

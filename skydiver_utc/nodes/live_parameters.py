@@ -1,5 +1,6 @@
 """Parameters of a running node: declared, described, and changed as a whole from some step on."""
 
+import difflib
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -44,6 +45,7 @@ class LiveParameters:
         self.changed: dict[str, object] = {}  # all that was changed since the start and is in force
         self._kind, self._scenario, self._build, self._asked = kind, resolved.scenario, build, asked
         self._proposed: Change | None = None
+        self._exists = node.has_parameter
         self._types = {
             leaf.name: node.declare_parameter(
                 leaf.name, _plain(leaf.value), _descriptor(leaf, kind), ignore_override=True
@@ -56,6 +58,11 @@ class LiveParameters:
     def refusal(self, parameters: Sequence[Parameter]) -> str:
         """Why these cannot be set after the start; empty where they can."""
         for parameter in parameters:
+            if not self._exists(parameter.name):
+                close = difflib.get_close_matches(parameter.name, self._types, 1)
+                return f"there is no parameter {parameter.name}" + (
+                    f": did you mean {close[0]}" if close else ""
+                )
             if reason := fixed_because(self._kind, parameter.name):
                 return f"{parameter.name} is read-only: {reason}"
             wanted = self._types.get(parameter.name, parameter.type_)
