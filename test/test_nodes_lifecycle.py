@@ -389,7 +389,7 @@ def test_processes_are_managed_from_outside(ros: Ros, processes: Processes, tmp_
     folder, given = tmp_path / "bag", overrides(20.0, autostart=False)
     waiting = given | {"wait_for_recorder": True}
     started = {
-        "plant": processes.start("plant", waiting | {"command_timeout_s": 1.0, "command_retries": 1}),
+        "plant": processes.start("plant", waiting),
         "controller": processes.start("controller", waiting),
         "reference": processes.start("reference", waiting),
         "recorder": processes.start("recorder", given | {"bag_folder": folder}),
