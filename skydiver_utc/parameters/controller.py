@@ -155,6 +155,10 @@ class UtcParameters(Parameters, frozen=True, tag_field="kind", tag="utc"):
     covariance_leak: Annotated[
         float, quantity("1", "beyond the paper: share of Pu that is forgotten in each step", ge=0, lt=1)
     ] = 0.0
+    square_root: Annotated[
+        bool,
+        text("beyond the paper: a factor S of Pu = S S' is kept and moved on, and Pu never formed for it"),
+    ] = False
 
     def tau_steps(self, dt_s: float) -> int:
         """Look-ahead of the feed-forward in steps."""
