@@ -165,6 +165,6 @@ class UtcLaw:
     ) -> tuple[int, int, int, float]:
         """`WholeStep` around a prediction that is a function of Python, or compiled apart."""
         own = self._own
-        repaired = draw(rules, block)
+        repaired = draw(rules, own)
         self._predict(state, own.control, own.points, preview, own.outputs, own.saved)
-        return move(rules, block, reference, Qu, repaired)
+        return move(rules, own, reference, Qu, repaired)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.control.protocol import Status
-from skydiver_utc.control.utc_memory import Memory, Rules, memory
+from skydiver_utc.control.utc_memory import Memory, Rules
 from skydiver_utc.jit import kernel
 from skydiver_utc.unscented.covariance import eigen_symmetric, symmetric_root
 from skydiver_utc.unscented.linear_algebra import cholesky, divide_by_lower, divide_by_upper
@@ -37,13 +37,12 @@ _NONE, _ABOUT_CENTRE = int(Recovery.NONE), int(Recovery.ABOUT_CENTRE)
 
 
 @kernel
-def draw(rules: Rules, block: Array) -> float:
+def draw(rules: Rules, x: Memory) -> float:
     """Sigma points inside the bounds (eq:sigp, eq:minmax_utc); returns by how much the covariance was repaired.
 
     A coordinate of the control that lies on its bound would leave points on one side identical: eq:movep mirrors
     them to the inner side, at half the distance.
     """
-    x = memory(block, rules.m, rules.outputs)
     control, points, minimum, maximum = x.control, x.points, x.minimum, x.maximum
     if rules.square_root:
         repaired = root_of_factor(x.factor, rules.floor, x.root, x.values, x.vectors, x.rows)
@@ -65,7 +64,7 @@ def draw(rules: Rules, block: Array) -> float:
 
 @kernel
 def move(
-    rules: Rules, block: Array, reference: Array, Qu: Array, drawing_repaired: float
+    rules: Rules, x: Memory, reference: Array, Qu: Array, drawing_repaired: float
 ) -> tuple[int, int, int, float]:
     """eq:xpred to eq:utc_controller and the bounds; returns status, recovery, lost points, repair of Pu in all.
 
@@ -73,7 +72,6 @@ def move(
     part in them and leaves them positive (the modified form of Julier and Uhlmann, 2000).
     Control, covariance and predicted output stay as they are where the previous control is kept.
     """
-    x = memory(block, rules.m, rules.outputs)
     recovery, repaired = _NONE, drawing_repaired
     lost = drop_lost(x.outputs, x.saved, x.weights, x.output_weights, x.left, x.output_left)
     if lost == x.points.shape[0]:
