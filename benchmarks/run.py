@@ -28,8 +28,7 @@ from skydiver_utc.simulation.build import build_plant
 from skydiver_utc.simulation.closed_loop import simulate
 
 _STEPS_IN_A_LOOP = 2000
-# Label: scenario and what is changed in it. All look twenty steps of the plant ahead, but for MPPI, which the search
-# gave twenty steps of four control periods.
+# Label: scenario and what is changed in it. All look twenty steps ahead; MPPI's are four control periods long.
 _RIVALS: dict[str, tuple[str, dict[str, object]]] = {
     "Gauss-Newton, one held control": ("fast_turn_gauss_newton_held", {}),
     "Gauss-Newton, five controls": ("fast_turn_gauss_newton", {}),
