@@ -6,7 +6,8 @@ control/unscented_controller.py builds one from a plant.
 One step: draw sigma points of the control from Pu (eq:sigp), bound them (eq:minmax_utc, eq:movep), let each drive
 the plant to the horizon (the predict function), take the means and covariances of controls and outputs (eq:zpred,
 eq:xpred, eq:pu_pred), move the control towards the reference with the gain K = C_uy C_y^-1 (eq:utc_controller),
-bound it again. The arithmetic stands in control/utc_step.py.
+bound it again. The arithmetic stands in control/utc_step.py,
+and in control/utc_square_root.py.
 """
 
 from collections.abc import Callable
@@ -15,10 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.control import utc_square_root, utc_step
 from skydiver_utc.control.limits import ControlLimits
 from skydiver_utc.control.protocol import Status
-from skydiver_utc.control.utc_memory import Rules, memory, new_block
-from skydiver_utc.control.utc_step import Recovery, draw, move
+from skydiver_utc.control.utc_memory import Memory, Rules, memory, new_block
+from skydiver_utc.control.utc_step import Recovery
 from skydiver_utc.unscented.covariance import symmetric_root
 from skydiver_utc.unscented.sigma_points import weights
 
@@ -100,6 +102,9 @@ class UtcLaw:
             own.P_err_factor[:] = np.linalg.cholesky(P_err)
         own.weights[:] = weights(m, W0)
         own.output_weights[:] = own.weights if output_weights is None else output_weights
+        form = utc_square_root if square_root else utc_step
+        self._draw: Callable[[Rules, Memory], float] = form.draw
+        self._move: Callable[[Rules, Memory, Array, Array, float], tuple[int, int, int, float]] = form.move
         self._run: WholeStep = getattr(predict, "whole_step", self._in_three_calls)
         self.reset(np.zeros(m), np.eye(m))
 
@@ -165,6 +170,6 @@ class UtcLaw:
     ) -> tuple[int, int, int, float]:
         """`WholeStep` around a prediction that is a function of Python, or compiled apart."""
         own = self._own
-        repaired = draw(rules, own)
+        repaired = self._draw(rules, own)
         self._predict(state, own.control, own.points, preview, own.outputs, own.saved)
-        return move(rules, own, reference, Qu, repaired)
+        return self._move(rules, own, reference, Qu, repaired)

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from skydiver_utc.control.protocol import Status
 from skydiver_utc.control.utc_memory import Memory, Rules
 from skydiver_utc.jit import kernel
-from skydiver_utc.unscented.covariance import eigen_symmetric, symmetric_root
+from skydiver_utc.unscented.covariance import symmetric_root
 from skydiver_utc.unscented.linear_algebra import cholesky, divide_by_lower, divide_by_upper
 from skydiver_utc.unscented.sigma_points import add_cross_covariance, spread, weighted_mean
-from skydiver_utc.unscented.square_root import lower_triangular, root_of_factor, take_away
 
 Array = NDArray[np.float64]
 
@@ -33,23 +32,26 @@ class Recovery(IntEnum):
     RESTARTED = 2
 
 
+# Literals for the kernels.
 _NONE, _ABOUT_CENTRE = int(Recovery.NONE), int(Recovery.ABOUT_CENTRE)
 
 
 @kernel
 def draw(rules: Rules, x: Memory) -> float:
-    """Sigma points inside the bounds (eq:sigp, eq:minmax_utc); returns by how much the covariance was repaired.
+    """Sigma points (eq:sigp) inside the bounds; returns by how much the covariance was repaired."""
+    repaired = symmetric_root(x.covariance, rules.floor, rules.keep_indefinite, x.root, x.values, x.vectors)
+    place(rules, x)
+    return repaired
+
+
+@kernel
+def place(rules: Rules, x: Memory) -> None:
+    """Points around the control from the root of Pu, inside the bounds (eq:minmax_utc).
 
     A coordinate of the control that lies on its bound would leave points on one side identical: eq:movep mirrors
     them to the inner side, at half the distance.
     """
     control, points, minimum, maximum = x.control, x.points, x.minimum, x.maximum
-    if rules.square_root:
-        repaired = root_of_factor(x.factor, rules.floor, x.root, x.values, x.vectors, x.rows)
-    else:
-        repaired = symmetric_root(
-            x.covariance, rules.floor, rules.keep_indefinite, x.root, x.values, x.vectors
-        )
     spread(control, x.root, rules.W0, points)
     for i in range(points.shape[0]):
         for j in range(points.shape[1]):
@@ -59,7 +61,6 @@ def draw(rules: Rules, x: Memory) -> float:
             if rules.move_unclipped and (below or above):
                 value = 1.5 * control[j] - 0.5 * value
             points[i, j] = min(max(value, minimum[j]), maximum[j])
-    return repaired
 
 
 @kernel
@@ -72,23 +73,35 @@ def move(
     part in them and leaves them positive (the modified form of Julier and Uhlmann, 2000).
     Control, covariance and predicted output stay as they are where the previous control is kept.
     """
-    recovery, repaired = _NONE, drawing_repaired
-    lost = drop_lost(x.outputs, x.saved, x.weights, x.output_weights, x.left, x.output_left)
-    if lost == x.points.shape[0]:
-        return _KEPT_PREVIOUS, recovery, lost, repaired
+    lost = means(x)
+    recovery, possible = _NONE, False
+    if lost < x.points.shape[0]:
+        for reading in (_NONE, _ABOUT_CENTRE):
+            recovery = reading
+            control = x.next_control if reading == _NONE else x.saved[0]
+            output = x.next_predicted if reading == _NONE else x.outputs[0]
+            possible = covariances(x, Qu, control, output)
+            if possible:
+                break
+    return conclude(rules, x, reference, possible, recovery, lost, drawing_repaired)
+
+
+@kernel
+def means(x: Memory) -> int:
+    """eq:xpred and eq:zpred over the points that did not diverge; returns how many did."""
+    lost: int = drop_lost(x.outputs, x.saved, x.weights, x.output_weights, x.left, x.output_left)
     weighted_mean(x.saved, x.left, x.next_control)
     weighted_mean(x.outputs, x.output_left, x.next_predicted)
-    refused = -1.0
-    for reading in (_NONE, _ABOUT_CENTRE):
-        recovery = reading
-        control = x.next_control if reading == _NONE else x.saved[0]
-        output = x.next_predicted if reading == _NONE else x.outputs[0]
-        refused = covariances(rules, x, Qu, control, output)
-        if refused >= 0.0:
-            break
-    repaired += refused
-    if refused < 0.0 or not update(x, reference):
-        return _KEPT_PREVIOUS, recovery, lost, drawing_repaired
+    return lost
+
+
+@kernel
+def conclude(
+    rules: Rules, x: Memory, reference: Array, possible: bool, recovery: int, lost: int, repaired: float
+) -> tuple[int, int, int, float]:
+    """Move the control and adopt what was found, if that was possible; returns what `move` does."""
+    if not (possible and update(x, reference)):
+        return _KEPT_PREVIOUS, recovery, lost, repaired
     saturated = adopt(rules, x)
     if repaired > 0.0 or lost > 0 or recovery != _NONE:
         return _REPAIRED, recovery, lost, repaired
@@ -133,19 +146,11 @@ def drop_lost(
 
 
 @kernel
-def covariances(rules: Rules, x: Memory, Qu: Array, control: Array, predicted: Array) -> float:
+def covariances(x: Memory, Qu: Array, control: Array, predicted: Array) -> bool:
     """C_y = L L' (eq:zpred), C_uy L^-T, and Pu of eq:pu_pred less K C_y K', of deviations from these means.
 
-    Returns -1 if C_y is not positive definite, else what of Pu could not be taken away to keep it so.
+    False if C_y is not positive definite.
     """
-    if rules.square_root:
-        return factored(x, Qu, control, predicted)
-    return plain(x, Qu, control, predicted)
-
-
-@kernel
-def plain(x: Memory, Qu: Array, control: Array, predicted: Array) -> float:
-    """The covariances themselves."""
     outputs, saved, weight = x.outputs, x.saved, x.left
     covariance, factor, gain = x.next_covariance, x.output_factor, x.gain
     covariance[:, :] = Qu
@@ -155,72 +160,14 @@ def plain(x: Memory, Qu: Array, control: Array, predicted: Array) -> float:
     gain[:, :] = 0.0
     add_cross_covariance(saved, control, outputs, predicted, weight, gain)
     if not cholesky(factor):
-        return -1.0
+        return False
     # With C_y = L L' and G = C_uy L^-T: K C_y K' = G G' and K = G L^-1.
     divide_by_upper(gain, factor)
     for a in range(gain.shape[0]):
         for b in range(gain.shape[0]):
             for i in range(gain.shape[1]):
                 covariance[a, b] -= gain[a, i] * gain[b, i]
-    return 0.0
-
-
-@kernel
-def factored(x: Memory, Qu: Array, control: Array, predicted: Array) -> float:
-    """The square-root form.
-
-    The weighted deviations of outputs and controls beside the roots of P_err and Qu are an array A with
-    A A' = (C_y, C_uy'; C_uy, Pu). Its lower triangle is (L, 0; C_uy L^-T, S) where S S' is Pu less K C_y K'.
-    What has a negative sign, the central point if W0 < 0 and negative eigenvalues of Qu, is taken away afterwards.
-    """
-    array, vector = x.array, x.vector
-    count, outputs = x.outputs.shape
-    m = x.saved.shape[1]
-    size = outputs + m
-    array[:, :] = 0.0
-    for i in range(count):
-        if x.left[i] > 0.0:
-            _deviation(x, i, control, predicted, np.sqrt(x.left[i]), array[:, i])
-    array[:outputs, count : count + outputs] = x.P_err_factor
-    x.rows[:, :] = Qu
-    eigen_symmetric(x.rows, x.values, x.vectors)
-    for k in range(m):
-        for a in range(m):
-            array[outputs + a, count + outputs + k] = np.sqrt(max(x.values[k], 0.0)) * x.vectors[a, k]
-    lower_triangular(array)
-    refused = 0.0
-    for i in range(count):
-        if x.left[i] < 0.0:
-            _deviation(x, i, control, predicted, np.sqrt(-x.left[i]), vector)
-            taken = take_away(array, size, outputs, vector)
-            if taken < 0.0:
-                return -1.0
-            refused += taken
-    for k in range(m):
-        if x.values[k] < 0.0:
-            vector[:outputs] = 0.0
-            for a in range(m):
-                vector[outputs + a] = np.sqrt(-x.values[k]) * x.vectors[a, k]
-            refused += take_away(array, size, outputs, vector)
-    x.output_factor[:, :] = array[:outputs, :outputs]
-    x.gain[:, :] = array[outputs:, :outputs]
-    for a in range(m):
-        for b in range(m):
-            total = 0.0
-            for k in range(min(a, b) + 1):
-                total += array[outputs + a, outputs + k] * array[outputs + b, outputs + k]
-            x.next_covariance[a, b] = total
-    return refused
-
-
-@kernel
-def _deviation(x: Memory, i: int, control: Array, predicted: Array, scale: float, out: Array) -> None:
-    """How far outputs and control of point i are from their means, (l + m,), times a scale."""
-    outputs = predicted.shape[0]
-    for k in range(outputs):
-        out[k] = scale * (x.outputs[i, k] - predicted[k])
-    for a in range(control.shape[0]):
-        out[outputs + a] = scale * (x.saved[i, a] - control[a])
+    return True
 
 
 @kernel
@@ -261,10 +208,5 @@ def adopt(rules: Rules, x: Memory) -> bool:
         for b in range(m):
             x.covariance[a, b] = rules.kept_share * x.next_covariance[a, b]
         x.deviations[a] = np.sqrt(max(x.covariance[a, a], 0.0))
-    if rules.square_root:
-        first = x.outputs.shape[1]
-        for a in range(m):
-            for b in range(m):
-                x.factor[a, b] = np.sqrt(rules.kept_share) * x.array[first + a, first + b]
     x.predicted[:] = x.next_predicted
     return saturated

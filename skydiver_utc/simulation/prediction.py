@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.control import utc_square_root, utc_step
 from skydiver_utc.control.utc_memory import Rules, memory
-from skydiver_utc.control.utc_step import draw, move
 from skydiver_utc.jit import kernel
 from skydiver_utc.parameters import UtcParameters
 from skydiver_utc.plant.dynamics import STATE_SIZE, WORK_SIZE, limit_control, rk4_step
@@ -74,7 +74,8 @@ class SkydiverPrediction:
         self, rules: Rules, block: Array, state: Array, preview: Array, reference: Array, Qu: Array
     ) -> tuple[int, int, int, float]:
         """See `skydiver_utc.control.utc.WholeStep`."""
-        return whole_step(
+        compiled = whole_step_in_square_root_form if rules.square_root else whole_step
+        return compiled(
             self._plain,
             tuple(rules),
             block,
@@ -123,11 +124,34 @@ def whole_step(
     model, assumed = PlantModel(*model_and_assumed[0]), Assumed(*model_and_assumed[1])
     rules = Rules(*rules_values)
     own = memory(block, rules.m, rules.outputs)
-    repaired = draw(rules, own)
+    repaired = utc_step.draw(rules, own)
     propagate(
         model, assumed, state, own.control, own.points, preview, rate_before, own.outputs, own.saved, work
     )  # fmt: skip
-    return move(rules, own, reference, Qu, repaired)
+    return utc_step.move(rules, own, reference, Qu, repaired)
+
+
+@kernel
+def whole_step_in_square_root_form(
+    model_and_assumed: tuple[tuple[Any, ...], tuple[Any, ...]],
+    rules_values: tuple[Any, ...],
+    block: Array,
+    state: Array,
+    preview: Array,
+    rate_before: float,
+    reference: Array,
+    Qu: Array,
+    work: Array,
+) -> tuple[int, int, int, float]:
+    """The same with control/utc_square_root.py."""
+    model, assumed = PlantModel(*model_and_assumed[0]), Assumed(*model_and_assumed[1])
+    rules = Rules(*rules_values)
+    own = memory(block, rules.m, rules.outputs)
+    repaired = utc_square_root.draw(rules, own)
+    propagate(
+        model, assumed, state, own.control, own.points, preview, rate_before, own.outputs, own.saved, work
+    )  # fmt: skip
+    return utc_square_root.move(rules, own, reference, Qu, repaired)
 
 
 @kernel

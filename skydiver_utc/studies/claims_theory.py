@@ -38,8 +38,8 @@ def stability(_results: PaperResults) -> Claim:
         "ADMIRE: what a step does to the weighted error is cost and effort of the Riccati equation for N = 1, and"
         f" for N = {_LONGER} only with the additional term of docs/theory.md; the package's UTC decays as the"
         " loop's eigenvalues say",
-        f"mismatch {without[1]:.0e} for N = 1; for N = {_LONGER} {without[_LONGER]:.2g} without the term and"
-        f" {with_term[_LONGER]:.0e} with it; decay per step {_shown(decays[1])} and {_shown(decays[_LONGER])} flown"
+        f"mismatch {_size(without[1])} for N = 1; for N = {_LONGER} {_size(without[_LONGER])} without the term and"
+        f" {_size(with_term[_LONGER])} with it; decay per step {_shown(decays[1])}, and {_shown(decays[_LONGER])}"
         " (`skydiver-utc stability --plant admire`)",
         judge(
             [
@@ -69,5 +69,10 @@ def _flown(
     return measured_decay(distance[: int((distance > _SHRUNK * distance[0]).sum())])
 
 
+def _size(mismatch: float) -> str:
+    """Two digits, or that it is only rounding."""
+    return f"below {_EQUAL:g}" if mismatch < _EQUAL else f"{mismatch:.2g}"
+
+
 def _shown(pair: tuple[float, float]) -> str:
-    return f"{pair[0]:.4f} computed, {pair[1]:.4f}"
+    return f"{pair[0]:.4f} computed, {pair[1]:.4f} flown"
