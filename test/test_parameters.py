@@ -150,6 +150,8 @@ def test_pattern_must_have_unit_norm():
     pattern["components"]["left_hip"] = [0.9, 0.0, 0.0]
     assert "unit norm" in refused({"pattern": pattern})
 
+
+def test_a_utc_has_the_papers_numbers_where_its_scenario_says_nothing():
     found = load_scenario("fast_turn_pose_only", {"controller": {"kind": "utc", "W0": 0.5}}).controller
     names = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
     variances = [getattr(found, f"variance_{name}") for name in names]
