@@ -28,7 +28,8 @@ Array = NDArray[np.float64]
 
 # predict(state, control now applied (m,), points (2m+1, m), preview, outputs (2m+1, l), saved (2m+1, m)) writes the
 # outputs at the horizon and the controls U^i that stand for each point in eq:xpred. One that is compiled can have a
-# method `whole_step` beside it, which does draw, predict and move in one compiled call.
+# method `whole_step` beside it, which does draw, predict and move in one compiled call. The library's has none: the
+# law would have to be compiled again with each plant, for seconds, to save microseconds.
 Predict = Callable[[Array, Array, Array, Array, Array, Array], None]
 # (rules, block of arrays, state, preview, reference, Qu) -> status, recovery, lost points, repair of Pu.
 WholeStep = Callable[[Rules, Array, Array, Array, Array, Array], tuple[int, int, int, float]]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.control.utc_memory import Memory, Rules
-from skydiver_utc.control.utc_step import _ABOUT_CENTRE, _KEPT_PREVIOUS, _NONE, conclude, means, place
+from skydiver_utc.control.utc_step import ABOUT_CENTRE, KEPT_PREVIOUS, NONE, conclude, means, place
 from skydiver_utc.jit import kernel
 from skydiver_utc.unscented.covariance import eigen_symmetric
 from skydiver_utc.unscented.square_root import lower_triangular, root_of_factor, take_away
@@ -29,17 +29,17 @@ def move(
 ) -> tuple[int, int, int, float]:
     """As `utc_step.move`."""
     lost = means(x)
-    recovery, refused = _NONE, -1.0
+    recovery, refused = NONE, -1.0
     if lost < x.points.shape[0]:
-        for reading in (_NONE, _ABOUT_CENTRE):
+        for reading in (NONE, ABOUT_CENTRE):
             recovery = reading
-            control = x.next_control if reading == _NONE else x.saved[0]
-            output = x.next_predicted if reading == _NONE else x.outputs[0]
+            control = x.next_control if reading == NONE else x.saved[0]
+            output = x.next_predicted if reading == NONE else x.outputs[0]
             refused = covariances(x, Qu, control, output)
             if refused >= 0.0:
                 break
     told = conclude(rules, x, reference, refused >= 0.0, recovery, lost, drawing_repaired + max(refused, 0.0))
-    if told[0] != _KEPT_PREVIOUS:
+    if told[0] != KEPT_PREVIOUS:
         first = x.outputs.shape[1]
         for a in range(x.factor.shape[0]):
             for b in range(x.factor.shape[1]):

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 # An output beyond this is lost: its square would overflow.
 _LARGEST_OUTPUT = 1e100
 _SOLVED, _SATURATED = int(Status.SOLVED), int(Status.SATURATED)
-_REPAIRED, _KEPT_PREVIOUS = int(Status.REPAIRED), int(Status.KEPT_PREVIOUS)
+_REPAIRED, KEPT_PREVIOUS = int(Status.REPAIRED), int(Status.KEPT_PREVIOUS)
 
 
 class Recovery(IntEnum):
@@ -33,7 +33,7 @@ class Recovery(IntEnum):
 
 
 # Literals for the kernels.
-_NONE, _ABOUT_CENTRE = int(Recovery.NONE), int(Recovery.ABOUT_CENTRE)
+NONE, ABOUT_CENTRE = int(Recovery.NONE), int(Recovery.ABOUT_CENTRE)
 
 
 @kernel
@@ -74,12 +74,12 @@ def move(
     Control, covariance and predicted output stay as they are where the previous control is kept.
     """
     lost = means(x)
-    recovery, possible = _NONE, False
+    recovery, possible = NONE, False
     if lost < x.points.shape[0]:
-        for reading in (_NONE, _ABOUT_CENTRE):
+        for reading in (NONE, ABOUT_CENTRE):
             recovery = reading
-            control = x.next_control if reading == _NONE else x.saved[0]
-            output = x.next_predicted if reading == _NONE else x.outputs[0]
+            control = x.next_control if reading == NONE else x.saved[0]
+            output = x.next_predicted if reading == NONE else x.outputs[0]
             possible = covariances(x, Qu, control, output)
             if possible:
                 break
@@ -101,9 +101,9 @@ def conclude(
 ) -> tuple[int, int, int, float]:
     """Move the control and adopt what was found, if that was possible; returns what `move` does."""
     if not (possible and update(x, reference)):
-        return _KEPT_PREVIOUS, recovery, lost, repaired
+        return KEPT_PREVIOUS, recovery, lost, repaired
     saturated = adopt(rules, x)
-    if repaired > 0.0 or lost > 0 or recovery != _NONE:
+    if repaired > 0.0 or lost > 0 or recovery != NONE:
         return _REPAIRED, recovery, lost, repaired
     return _SATURATED if saturated else _SOLVED, recovery, lost, repaired
 
