@@ -13,7 +13,7 @@ _STOPPED = 130
 _EXIT_CODES = """\b
 exit code
     0  the flight was flown to its end (outcome completed or rolled_over)
-    1  it ended before: diverged, no_command, aborted, or a node failed
+    1  it ended before: diverged, no_command, no_clock, aborted, or a node failed
     2  the input is wrong: one sentence says what to do, nothing was flown
   130  stopped with Ctrl-C
 """
@@ -195,7 +195,7 @@ def recover(run_folder: str, out: str | None, as_json: bool) -> None:
 @click.option(
     "--paused", is_flag=True, help="Wait for the space bar, or the service, before the first message."
 )
-@click.option("--topics", metavar="NAME,...", help="Only these topics, and /clock; state is /skydiver/state.")
+@click.option("--topics", metavar="NAME,...", help="Only these topics, and /clock; state is that of the skydiver.")
 @click.option("--check", is_flag=True, help="Compare the controller's answers with the recorded commands.")
 @click.option(
     "--controller", metavar="SCENARIO", help="With --check: ask this scenario's controller instead of RUN's."

@@ -90,6 +90,8 @@ DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, EACH_STEP, EVERY_NODE)
 OUTCOME = Topic("outcome", String, LATCHED, PLANT)
 RECORDER_READY = Topic("recorder/ready", String, LATCHED, RECORDER, recorded=False)
 ROLL_CALL = Topic("roll_call", String, CHUNKS, EVERY_NODE, recorded=False)
+CLOCK_SOURCE = Topic("/clock/source", String, LATCHED, PLANT, recorded=False)
+CLOCK_AWAITED = Topic("/clock/awaited", String, LATCHED, PLANT, recorded=False)
 
 # In causal order within one step: messages of one instant are recorded in this order.
 TOPICS = (
@@ -106,6 +108,8 @@ TOPICS = (
     OUTCOME,
     RECORDER_READY,
     ROLL_CALL,
+    CLOCK_SOURCE,
+    CLOCK_AWAITED,
 )
 # By the kind of node whose process it stands for; nothing is sent on them.
 ALIVE = {
