@@ -195,7 +195,9 @@ def recover(run_folder: str, out: str | None, as_json: bool) -> None:
 @click.option(
     "--paused", is_flag=True, help="Wait for the space bar, or the service, before the first message."
 )
-@click.option("--topics", metavar="NAME,...", help="Only these topics, and /clock; state is that of the skydiver.")
+@click.option(
+    "--topics", metavar="NAME,...", help="Only these topics, and /clock; state is that of the skydiver."
+)
 @click.option("--check", is_flag=True, help="Compare the controller's answers with the recorded commands.")
 @click.option(
     "--controller", metavar="SCENARIO", help="With --check: ask this scenario's controller instead of RUN's."

@@ -57,7 +57,9 @@ class ClockFollower:
         if k < self.k:
             self._fail(f"the clock went back from step {self.k} to step {k}: its plant was started again")
         elif self._awaited.step <= 0 < k:
-            self._fail(f"the clock shows step {k} already: a flight begins with its clock, start all plants anew")
+            self._fail(
+                f"the clock shows step {k} already: a flight begins with its clock, start all plants anew"
+            )
         self.k, self._shown_at = k, time.monotonic()
         self._moved()
 

@@ -1,4 +1,4 @@
-"""The plant's own clock: it publishes `/clock`, and shows a step only when every plant that follows waits for it."""
+"""The plant's own clock: it publishes `/clock`, and shows a step only when all who follow wait for it."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -85,7 +85,11 @@ class ClockLeader:
             return [f"{here} of {self._expected} plants that follow the clock"]
         # Of each skydiver the reference and the recorder hear the clock, of a follower the plant, too.
         listeners = here + (1 + here) * (1 + self._recorders) if here else 0
-        return ["no listener, or too few, on /clock"] if self._clocks.get_subscription_count() < listeners else []
+        return (
+            ["no listener, or too few, on /clock"]
+            if self._clocks.get_subscription_count() < listeners
+            else []
+        )
 
     def await_step(self, k: int) -> bool:
         """True when every follower is ready for step k."""
@@ -161,7 +165,5 @@ class ClockLeader:
 
     def _tell(self, ended: bool = False) -> None:
         grid, mode = self._node.grid, self._node.own["mode"]
-        source = ClockSource(
-            self._claim, self._node.get_namespace(), mode, grid.dt_ns, grid.epoch_ns, ended
-        )
+        source = ClockSource(self._claim, self._node.get_namespace(), mode, grid.dt_ns, grid.epoch_ns, ended)
         self._sources.publish(String(data=write(source)))

@@ -58,6 +58,8 @@ class ReferenceNode(ScenarioNode):
         repeated = k == self._k
         if not repeated:
             self._k, self._heard_at, self._told_silence = k, time.monotonic(), False
+        if k > self.scenario.steps:  # the clock goes on for another skydiver
+            return
         if repeated or k // self._chunk_steps != self._chunk:
             self._publish_chunk(k // self._chunk_steps)
         if self._has_setpoint:

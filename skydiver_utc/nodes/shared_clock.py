@@ -27,12 +27,10 @@ class ClockSource(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def differs_from(self, mode: str, dt_ns: int, epoch_ns: int) -> str:
         """What a follower has otherwise, in words; empty where all is the same."""
-        own = {"dt_s": dt_ns * 1e-9, "epoch_s": epoch_ns * 1e-9, "mode": mode}
-        its = {"dt_s": self.dt_ns * 1e-9, "epoch_s": self.epoch_ns * 1e-9, "mode": self.mode}
+        own = {"dt_s": dt_ns / 1e9, "epoch_s": epoch_ns / 1e9, "mode": mode}
+        its = {"dt_s": self.dt_ns / 1e9, "epoch_s": self.epoch_ns / 1e9, "mode": self.mode}
         return ", ".join(
-            f"{name} is {value}, there it is {its[name]}"
-            for name, value in own.items()
-            if value != its[name]
+            f"{name} is {value}, there it is {its[name]}" for name, value in own.items() if value != its[name]
         )
 
 
