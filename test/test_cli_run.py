@@ -15,6 +15,8 @@ import pytest
 from test_analysis_metrics import scenario_of
 
 from skydiver_utc.analysis.recorded_flight import read_flight
+from skydiver_utc.discovery import PROFILE, RANGE, STATIC_PEERS
+from skydiver_utc.parameters import ParameterError
 from skydiver_utc.recording.metadata import message_count, metadata_yaml
 from skydiver_utc.simulation.closed_loop import simulate
 from skydiver_utc.verbs.node_processes import NODE_CODE, PACKAGE_FOLDER
@@ -125,7 +127,22 @@ def test_what_the_caller_has_set_stands() -> None:
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
         "LD_LIBRARY_PATH": "/opt/ros/lib",
     }
-    assert node_environment(given) == given
+    environment = node_environment(given)
+    assert {name: environment[name] for name in given} == given
+
+
+@pytest.mark.parametrize("opened", [{RANGE: "SUBNET"}, {STATIC_PEERS: "10.0.0.2"}])
+def test_a_network_gets_the_profile_that_repairs_losses_soon(opened: dict[str, str]) -> None:
+    assert PROFILE not in node_environment({})
+    profile = Path(node_environment(opened)[PROFILE])
+    assert "heartbeatPeriod" in profile.read_text(encoding="utf-8")
+    own = {**opened, PROFILE: "/mine.xml"}
+    assert node_environment(own)[PROFILE] == "/mine.xml"
+
+
+def test_a_discovery_range_that_ros_does_not_know_is_refused() -> None:
+    with pytest.raises(ParameterError, match="must be one of LOCALHOST, SUBNET"):
+        node_environment({RANGE: "subnet"})
 
 
 def test_the_libraries_of_another_environment_are_not_handed_on() -> None:
