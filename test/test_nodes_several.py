@@ -14,6 +14,7 @@ from test_nodes_flight import Bag, assert_equals_simulation
 from skydiver_utc.analysis.controller_check import check
 from skydiver_utc.analysis.recorded_flight import RecordedFlight
 from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.bag_player import PlayerNode
 from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.lockstep_controller import ControllerNode
 from skydiver_utc.nodes.lockstep_plant import PlantNode
@@ -60,7 +61,9 @@ def flown(processes: Processes, folder: Path, mode: str) -> dict[str, Bag]:
     return {namespace: Bag(folder / namespace[1:], namespace) for namespace in DIVERS}
 
 
-def test_each_of_two_skydivers_flies_as_in_its_simulation(processes: Processes, tmp_path: Path) -> None:
+def test_each_of_two_skydivers_flies_as_in_its_simulation(
+    ros: Ros, processes: Processes, tmp_path: Path
+) -> None:
     """The clock goes on for the longer flight; each recording is a run of its own."""
     for namespace, bag in flown(processes, tmp_path, "lockstep").items():
         scenario, duration_s = DIVERS[namespace]
@@ -69,6 +72,9 @@ def test_each_of_two_skydivers_flies_as_in_its_simulation(processes: Processes, 
         found = check(recording, recording.scenario)
         assert found.equal
         assert len(found.commands) == bag.scenario.steps
+        player = PlayerNode(ros.context, {"run": str(tmp_path / namespace[1:]), "topics": ["state"]})
+        assert {item.topic for item in player.items} == {"/clock", f"{namespace}/state"}
+        player.destroy_node()
         assert bag.steps(topics.CLOCK)[: bag.scenario.steps + 1] == list(range(bag.scenario.steps + 1))
 
 
