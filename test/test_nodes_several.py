@@ -262,6 +262,17 @@ def test_the_clock_does_not_run_away_from_who_follows(ros: Ros) -> None:
     assert (plant.outcome, plant.k) == (Outcome.COMPLETED, plant.scenario.steps)
 
 
+def test_each_of_several_followers_is_heard(ros: Ros) -> None:
+    """Both speak before the leader listens: neither word replaces the other."""
+    plant = led_by(ros, followers=2)
+    both = [(f"/other_{i}", follower_of(ros).sends(topics.CLOCK_AWAITED)) for i in range(2)]
+    for k in range(4):
+        for namespace, awaits in both:
+            awaits.publish(String(data=write(Awaited(namespace, k))))
+        ros.spin_until(lambda k=k: plant.k == k)  # type: ignore[misc]
+    assert plant.health().values["followers"] == "/other_0 flying, /other_1 flying"
+
+
 def test_the_clock_goes_on_without_a_follower_that_says_nothing(ros: Ros) -> None:
     plant = led_by(ros, followers=1)
     follower_of(ros).sends(topics.CLOCK_AWAITED).publish(String(data=write(Awaited(FOLLOWER, 1))))

@@ -90,8 +90,9 @@ DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, EACH_STEP, EVERY_NODE)
 OUTCOME = Topic("outcome", String, LATCHED, PLANT)
 RECORDER_READY = Topic("recorder/ready", String, LATCHED, RECORDER, recorded=False)
 ROLL_CALL = Topic("roll_call", String, CHUNKS, EVERY_NODE, recorded=False)
-CLOCK_SOURCE = Topic("/clock/source", String, LATCHED, PLANT, recorded=False)
-CLOCK_AWAITED = Topic("/clock/awaited", String, LATCHED, PLANT, recorded=False)
+# Several plants speak there: with a depth of 1 the word of one replaces that of another before it is heard.
+CLOCK_SOURCE = Topic("/clock/source", String, CHUNKS, PLANT, recorded=False)
+CLOCK_AWAITED = Topic("/clock/awaited", String, CHUNKS, PLANT, recorded=False)
 
 # In causal order within one step: messages of one instant are recorded in this order.
 TOPICS = (
