@@ -156,8 +156,11 @@ def flight_over(conditions: Conditions, mode: str, duration_s: float, delay_step
 
 @click.command()
 @click.option("--duration-s", default=20.0, show_default=True, help="Length of each flight.")
+@click.option(
+    "--mode", "modes", multiple=True, default=("lockstep", "real_time"), help="Only this one; repeatable."
+)
 @click.option("--delay-steps", default=0, show_default=True, help="Delay compensation of the controller.")
-def main(duration_s: float, delay_steps: int) -> None:
+def main(duration_s: float, modes: tuple[str, ...], delay_steps: int) -> None:
     """Fly in lockstep and in real time under each condition; print a table in Markdown."""
     if reason := why_not():
         raise click.ClickException(reason)
@@ -171,7 +174,7 @@ def main(duration_s: float, delay_steps: int) -> None:
         back = f"{told['came_back']} of {told['sent']}"
         click.echo(f"| {conditions} | {least} to {most}, median {median} ms | {back} |")
     click.echo("\n| link | mode | outcome | steps/s | the flight |\n|---|---|---|---|---|")
-    for mode in ("lockstep", "real_time"):
+    for mode in modes:
         for conditions in CONDITIONS:
             delay = delay_steps if mode == "real_time" else 0
             click.echo(f"| {' | '.join(flight_over(conditions, mode, duration_s, delay))} |")

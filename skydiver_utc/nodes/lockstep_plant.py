@@ -63,7 +63,8 @@ class PlantNode(ScenarioNode):
         self._recorder_ready = not self.own["wait_for_recorder"]
         self.listen(topics.RECORDER_READY, self.on_recorder_ready)
         self._real_time = self._create_pace() if self.own["mode"] == "real_time" else None
-        self._commands = self.listen(topics.COMMAND, self.on_command, Polled() if self._real_time else None)
+        polled, qos = (Polled(), topics.NEWEST) if self._real_time else (None, None)
+        self._commands = self.listen(topics.COMMAND, self.on_command, polled, qos)
         self._began_at = time.monotonic()
         self._startup = self.every(_STARTUP_POLL_S, self._begin_when_heard)
         self._patience = self.every(_PATIENCE_S, self._say_what_is_missing)

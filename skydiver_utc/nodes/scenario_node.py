@@ -12,6 +12,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
@@ -127,10 +128,15 @@ class ScenarioNode(Node):
         return self._advertised[topic]
 
     def listen(
-        self, topic: Topic, callback: Callable[[Any], None], group: CallbackGroup | None = None
+        self,
+        topic: Topic,
+        callback: Callable[[Any], None],
+        group: CallbackGroup | None = None,
+        qos: QoSProfile | None = None,
     ) -> Subscription:
-        """A subscription as the table of topics says."""
-        return self.create_subscription(topic.type, topic.name, callback, topic.qos, callback_group=group)
+        """A subscription as the table of topics says, or with a quality of service of its own."""
+        qos = topic.qos if qos is None else qos
+        return self.create_subscription(topic.type, topic.name, callback, qos, callback_group=group)
 
     def every(self, period_s: float, callback: Callable[[], None]) -> Timer:
         """A timer on the steady clock, whatever simulated time does."""
