@@ -44,8 +44,8 @@ def _quality(depth: int, durability: QoSDurabilityPolicy) -> QoSProfile:
 # lockstep seen. With a depth of 10 a recorder that stands still for half a second loses messages.
 EACH_STEP = _quality(5000, QoSDurabilityPolicy.VOLATILE)
 CHUNKS = _quality(20, QoSDurabilityPolicy.TRANSIENT_LOCAL)
-# For a listener to which only the newest counts: over a network that loses messages, a reliable one gets nothing new
-# until what was lost has been sent again.
+# For a listener to which only the newest counts: over a network that loses messages, a reliable one hears nothing
+# new until what was lost has been sent again.
 NEWEST = QoSProfile(depth=1000, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 LATCHED = _quality(1, QoSDurabilityPolicy.TRANSIENT_LOCAL)
 
