@@ -336,6 +336,8 @@ def test_the_table_of_topics_is_consistent() -> None:
         "outcome",
         "recorder/ready",
         "roll_call",
+        "/clock/source",
+        "/clock/awaited",
     ]
 
 
