@@ -10,7 +10,7 @@ STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help install demo test kills lint bench bench-tools bench-ros study paper soak clean
+.PHONY: help install demo test kills lint bench bench-tools bench-ros study paper soak network clean
 
 help:
 	@echo "make demo      fly SCENARIO ($(SCENARIO)) over ROS and record it below bags/"
@@ -22,6 +22,7 @@ help:
 	@echo "make study     fly 4 x 500 random tunings again, into docs/paper; some ten minutes"
 	@echo "make paper     make all of docs/paper and docs/figures/tuning again, study included"
 	@echo "make soak      30 simulated minutes in lockstep, 10 minutes in real time: memory, losses, lateness"
+	@echo "make network   fly over two machines with a network between them that delays and loses; Linux, root"
 	@echo "make install   only install into $(VENV)"
 	@echo "make clean     remove what builds and tests left behind; keeps $(VENV) and bags/"
 
@@ -60,6 +61,9 @@ paper: study
 
 soak: $(STAMP)
 	$(VENV)/bin/python benchmarks/soak.py $(ARGS)
+
+network: $(STAMP)
+	$(VENV)/bin/python benchmarks/network.py $(ARGS)
 
 clean:
 	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

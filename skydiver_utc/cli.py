@@ -13,7 +13,7 @@ _STOPPED = 130
 _EXIT_CODES = """\b
 exit code
     0  the flight was flown to its end (outcome completed or rolled_over)
-    1  it ended before: diverged, no_command, aborted, or a node failed
+    1  it ended before: diverged, no_command, no_clock, aborted, or a node failed
     2  the input is wrong: one sentence says what to do, nothing was flown
   130  stopped with Ctrl-C
 """
@@ -108,7 +108,7 @@ def main() -> None:
 
 
 @main.command(epilog=_EXIT_CODES, short_help="Fly SCENARIO over ROS 2, recorded.")
-@_scenario
+@click.argument("scenarios", metavar="[NAME=]SCENARIO...", nargs=-1, required=True)
 @_settings
 @click.option(
     "--bags", default="bags", show_default=True, metavar="FOLDER", help="Where run folders are made."
@@ -125,7 +125,7 @@ def main() -> None:
 @_json
 @_quiet
 def run(
-    scenario: str,
+    scenarios: tuple[str, ...],
     settings: tuple[str, ...],
     bags: str,
     folder: str | None,
@@ -136,6 +136,9 @@ def run(
 ) -> None:
     """Fly SCENARIO over ROS 2, recorded.
 
+    Several scenarios are flown by several skydivers at once, under one clock. A skydiver's name is the namespace of
+    its nodes: skydiver, skydiver_2 and so on unless it is given, as in anna=turn_360_left. Each has a run folder.
+
     Starts plant, reference, controller and recorder as processes of their own, on a ROS domain of its own
     unless ROS_DOMAIN_ID is set. The run folder holds the bag, the scenario, metrics.json, tracking.png and
     report.html.
@@ -144,7 +147,9 @@ def run(
     from skydiver_utc.verbs.run import run as fly
 
     place = Path(folder) if folder else None
-    raise SystemExit(fly(scenario, settings, Path(bags), place, as_json, quiet, Pace(real_time, delay_steps)))
+    raise SystemExit(
+        fly(scenarios, settings, Path(bags), place, as_json, quiet, Pace(real_time, delay_steps))
+    )
 
 
 @main.command(epilog=_EXIT_CODES, short_help="Fly SCENARIO in this process, without ROS.")
@@ -195,7 +200,9 @@ def recover(run_folder: str, out: str | None, as_json: bool) -> None:
 @click.option(
     "--paused", is_flag=True, help="Wait for the space bar, or the service, before the first message."
 )
-@click.option("--topics", metavar="NAME,...", help="Only these topics, and /clock; state is /skydiver/state.")
+@click.option(
+    "--topics", metavar="NAME,...", help="Only these topics, and /clock; state is that of the skydiver."
+)
 @click.option("--check", is_flag=True, help="Compare the controller's answers with the recorded commands.")
 @click.option(
     "--controller", metavar="SCENARIO", help="With --check: ask this scenario's controller instead of RUN's."

@@ -213,11 +213,15 @@ class Processes:
         self._stack = stack
         self._count = 0
 
-    def start(self, kind: str, parameters: Mapping[str, object], *arguments: str) -> "NodeProcess":
-        """Start ``<kind>_node`` with these parameters."""
+    def start(
+        self, kind: str, parameters: Mapping[str, object], *arguments: str, namespace: str = ""
+    ) -> "NodeProcess":
+        """Start ``<kind>_node`` with these parameters, in its own namespace unless one is given."""
         self._count += 1
         log = self._folder / f"{self._count}_{kind}.log"
         command = [sys.executable, "-m", f"skydiver_utc.nodes.{kind}_node", *arguments, "--ros-args"]
+        if namespace:
+            command += ["-r", f"__ns:={namespace}"]
         for name, value in parameters.items():
             text = str(value).lower() if isinstance(value, bool) else value
             command += ["-p", f"{name}:={text}"]

@@ -123,16 +123,19 @@ def messages_of(flight: Flight) -> list[Message]:
     return found
 
 
-def write_bag(folder: Path, flight: Flight, edit: Edit = list) -> Path:
-    """A bag of the flight's messages, after `edit` has been at them."""
+def write_bag(
+    folder: Path, flight: Flight, edit: Edit = list, namespaces: tuple[str, ...] = ("/skydiver",)
+) -> Path:
+    """A bag of the flight's messages, after `edit` has been at them, for each namespace."""
     with BagWriter(folder) as bag:
         channels: dict[str, int] = {}
-        for topic, kind, k, message in edit(messages_of(flight)):
-            if topic not in channels:
+        messages = edit(messages_of(flight))
+        for name, kind, k, message in [(f"{n}/{m[0]}", *m[1:]) for n in namespaces for m in messages]:
+            if name not in channels:
                 definition, type_hash = STORE.generate_msgdef(kind), STORE.hash_rihs01(kind)
-                channels[topic] = bag.add_topic(f"/skydiver/{topic}", kind, definition[0], type_hash, "")
+                channels[name] = bag.add_topic(name, kind, definition[0], type_hash, "")
             time_ns = flight.scenario.stamp_ns(k)
-            bag.write(channels[topic], bytes(STORE.serialize_cdr(message, kind)), time_ns, time_ns)
+            bag.write(channels[name], bytes(STORE.serialize_cdr(message, kind)), time_ns, time_ns)
     return folder
 
 
@@ -149,6 +152,18 @@ def test_a_flight_comes_back_bit_for_bit(tmp_path: Path) -> None:
     for name in ("scenario", "telemetry_names", "outcome", "reason", "wall_time_s"):
         assert getattr(back, name) == getattr(flight, name), name
     assert metrics(back) == metrics(flight)
+
+
+def test_a_skydiver_of_any_name_comes_back(tmp_path: Path) -> None:
+    flight = flight_with_everything()
+    folder = write_bag(tmp_path / "bag", flight, namespaces=("/jump/anna",))
+    assert np.array_equal(read_flight(folder).states, flight.states)
+
+
+def test_a_bag_of_several_skydivers_is_refused(tmp_path: Path) -> None:
+    folder = write_bag(tmp_path / "bag", flight_with_everything(), namespaces=("/a", "/b"))
+    with pytest.raises(RecordingError, match=r"several skydivers \(/a, /b\)"):
+        read_flight(folder)
 
 
 def test_a_bare_mcap_file_is_a_recording_too(tmp_path: Path) -> None:

@@ -12,14 +12,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_analysis_metrics import scenario_of
 
 from skydiver_utc.analysis.recorded_flight import read_flight
+from skydiver_utc.discovery import PROFILE, RANGE, STATIC_PEERS
+from skydiver_utc.parameters import ParameterError, load_scenario, to_yaml
 from skydiver_utc.recording.metadata import message_count, metadata_yaml
 from skydiver_utc.simulation.closed_loop import simulate
+from skydiver_utc.verbs.divers import divers, new_run_folder
+from skydiver_utc.verbs.errors import VerbError
 from skydiver_utc.verbs.node_processes import NODE_CODE, PACKAGE_FOLDER
 from skydiver_utc.verbs.ros_environment import free_domain, node_environment
-from skydiver_utc.verbs.run import _whereabouts, new_run_folder
+from skydiver_utc.verbs.run import _whereabouts
 
 needs_ros = pytest.mark.skipif(importlib.util.find_spec("rclpy") is None, reason="needs rclpy")
 
@@ -56,6 +59,49 @@ def test_a_flight_over_ros_is_the_simulated_one(tmp_path: Path) -> None:
     again = simulate(flight.scenario)
     for name in ("states", "commands", "applied", "reference", "telemetry"):
         np.testing.assert_array_equal(getattr(flight, name), getattr(again, name))
+
+
+@needs_ros
+def test_several_skydivers_fly_side_by_side(tmp_path: Path) -> None:
+    """One command; a run of its own for each, which `analyse` and `replay --check` take like any other."""
+    command = [
+        *(sys.executable, "-m", "skydiver_utc.cli"),
+        "run",
+        "anna=slow_turn_pose_only",
+        "turn_360_left",
+    ]
+    settings = ["--set", "duration_s=1", "--folder", str(tmp_path / "flight"), "--json"]
+    finished = subprocess.run([*command, *settings], capture_output=True, text=True, timeout=300)
+    assert finished.returncode == 0, finished.stderr
+    told = json.loads(finished.stdout)
+    assert list(told) == ["anna", "skydiver_2"]
+    for name, values in told.items():
+        folder = tmp_path / "flight" / name
+        assert json.loads((folder / "metrics.json").read_text(encoding="utf-8")) == values
+        flight = read_flight(folder)
+        assert flight.states.tobytes() == simulate(flight.scenario).states.tobytes()
+        check = [*(sys.executable, "-m", "skydiver_utc.cli"), "replay", str(folder), "--check"]
+        assert subprocess.run(check, capture_output=True).returncode == 0
+
+
+def test_skydivers_are_named_and_have_a_folder_each(tmp_path: Path) -> None:
+    alone = divers(["slow_turn_pose_only"], [], tmp_path, None)
+    assert [(diver.name, diver.folder.parent) for diver in alone] == [("skydiver", tmp_path)]
+    both = divers(["slow_turn_pose_only", "b=turn_360_left"], [], tmp_path, tmp_path / "run")
+    assert [(d.name, d.scenario.name, d.folder) for d in both] == [
+        ("skydiver", "slow_turn_pose_only", tmp_path / "run" / "skydiver"),
+        ("b", "turn_360_left", tmp_path / "run" / "b"),
+    ]
+
+
+def test_skydivers_that_cannot_fly_together_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(VerbError, match="two skydivers are called a"):
+        divers(["a=turn_360_left", "a=turn_360_right"], [], tmp_path, None)
+    slower = tmp_path / "slower.yaml"
+    slower.write_text(to_yaml(load_scenario("turn_360_left", {"dt_s": 0.005})), encoding="utf-8")
+    with pytest.raises(VerbError, match=r"cannot fly under one clock, dt_s is 0\.0042 and 0\.005"):
+        divers(["turn_360_left", str(slower)], [], tmp_path, None)
+    assert divers(["turn_360_left", str(slower)], ["dt_s=0.005"], tmp_path, None)
 
 
 def test_nodes_do_not_come_from_the_current_folder(tmp_path: Path) -> None:
@@ -107,10 +153,10 @@ def test_a_recording_without_messages_is_not_offered_for_analysis(tmp_path: Path
 
 
 def test_run_folders_of_one_second_do_not_meet(tmp_path: Path) -> None:
-    folders = [new_run_folder(tmp_path, scenario_of()) for _ in range(2)]
+    folders = [new_run_folder(tmp_path, "synthetic") for _ in range(2)]
     assert all(folder.name.endswith("Z_synthetic") for folder in folders)
     folders[1].mkdir()
-    assert new_run_folder(tmp_path, scenario_of()) != folders[1]
+    assert new_run_folder(tmp_path, "synthetic") != folders[1]
 
 
 def test_nodes_stay_on_this_machine_and_in_a_domain_of_their_own() -> None:
@@ -125,7 +171,22 @@ def test_what_the_caller_has_set_stands() -> None:
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
         "LD_LIBRARY_PATH": "/opt/ros/lib",
     }
-    assert node_environment(given) == given
+    environment = node_environment(given)
+    assert {name: environment[name] for name in given} == given
+
+
+@pytest.mark.parametrize("opened", [{RANGE: "SUBNET"}, {STATIC_PEERS: "10.0.0.2"}])
+def test_a_network_gets_the_profile_that_repairs_losses_soon(opened: dict[str, str]) -> None:
+    assert PROFILE not in node_environment({})
+    profile = Path(node_environment(opened)[PROFILE])
+    assert "heartbeatPeriod" in profile.read_text(encoding="utf-8")
+    own = {**opened, PROFILE: "/mine.xml"}
+    assert node_environment(own)[PROFILE] == "/mine.xml"
+
+
+def test_a_discovery_range_that_ros_does_not_know_is_refused() -> None:
+    with pytest.raises(ParameterError, match="must be one of LOCALHOST, SUBNET"):
+        node_environment({RANGE: "subnet"})
 
 
 def test_the_libraries_of_another_environment_are_not_handed_on() -> None:

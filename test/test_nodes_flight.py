@@ -31,14 +31,15 @@ pytest_plugins = ("ros_fixtures",)
 class Bag:
     """What a run folder holds, by topic and step."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, namespace: str = "/skydiver") -> None:
+        self._namespace = namespace
         self.scenario = load_scenario(str(folder / "scenario.yaml"))
         self._grid = StepGrid(self.scenario)
         self._path = next(folder.glob("*.mcap"))
         assert (folder / "metadata.yaml").is_file()
 
     def of(self, topic: Topic) -> list[Any]:
-        name = topic.name if topic.name.startswith("/") else f"/skydiver/{topic.name}"
+        name = topic.name if topic.name.startswith("/") else f"{self._namespace}/{topic.name}"
         with self._path.open("rb") as stream:
             messages = make_reader(stream).iter_messages(topics=[name])
             return [deserialize_message(message.data, topic.type) for _, _, message in messages]

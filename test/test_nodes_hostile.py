@@ -120,6 +120,7 @@ def test_bytes_that_are_no_message(ros: Ros) -> None:
     partner = ros.partner("hostile")
     draw = random.Random(4)
     inputs = (topics.COMMAND, topics.STATE, topics.CLOCK, topics.REFERENCE_PREVIEW, topics.ROLL_CALL)
+    inputs += (topics.CLOCK_SOURCE, topics.CLOCK_AWAITED)
     for topic in inputs:
         sender = partner.sends(topic)
         ros.spin_until(sender.get_subscription_count)

@@ -42,6 +42,8 @@ class Attacker:
             topics.REFERENCE_PREVIEW: lambda k: self.hostile.preview(k, 20),
             topics.CLOCK: self.clock,
             topics.ROLL_CALL: lambda _: self.hostile.text(),
+            topics.CLOCK_SOURCE: lambda _: self.hostile.text(),
+            topics.CLOCK_AWAITED: lambda _: self.hostile.text(),
             topics.RECORDER_READY: lambda _: self.hostile.text(),
             topics.TELEMETRY: self.hostile.controls,
         }

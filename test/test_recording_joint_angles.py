@@ -13,18 +13,19 @@ NAMES = joint_angle_names()
 KIND = "sensor_msgs/msg/JointState"
 
 
-def bag_of(folder, postures, names=NAMES):
+def bag_of(folder, postures, names=NAMES, namespace="/skydiver"):
     """A bag with a posture every eighth step; of the second one a copy with other values comes later."""
     messages = [
         ("joint_states", KIND, 8 * i, joint_state(8 * i, names, row)) for i, row in enumerate(postures)
     ]
     again = ("joint_states", KIND, 8, joint_state(8, names, np.ones(len(names))))
-    return write_bag(folder, flight_of(), lambda flown: [*flown, *messages, again])
+    return write_bag(folder, flight_of(), lambda flown: [*flown, *messages, again], (namespace,))
 
 
-def test_postures_come_back_from_a_bag(tmp_path):
+@pytest.mark.parametrize("namespace", ["/skydiver", "/anna"])
+def test_postures_come_back_from_a_bag(tmp_path, namespace):
     postures = np.random.default_rng(1).normal(size=(5, 45))
-    found = read_joint_angles(bag_of(tmp_path / "run", postures), NAMES)
+    found = read_joint_angles(bag_of(tmp_path / "run", postures, namespace=namespace), NAMES)
     assert found.names == NAMES
     np.testing.assert_array_equal(found.values, postures)
     np.testing.assert_allclose(found.time_s, 8 * scenario_of().dt_s * np.arange(5), atol=1e-12)

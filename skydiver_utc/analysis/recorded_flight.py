@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.metrics import FLOWN_TO_ITS_END
 from skydiver_utc.parameters import ParameterError, Scenario, load_scenario
+from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.reader import RecordedTopic, read_bag
 from skydiver_utc.simulation.flight import Flight, ParameterChange
 from skydiver_utc.simulation.outcome import Outcome
 
 CONTROL_NAMES = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
-_NAMESPACE = "/skydiver"
 # What the controller node adds to the controller's own telemetry.
 _SOLVE_TIME, _STATUS = "solve_time", "status"
 
@@ -57,6 +57,7 @@ class RecordedFlight:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._topics: Topics = read_bag(path)
+        self._namespace = namespace_of(self._topics)
         self.scenario = self._read_scenario()
 
     def flight(self) -> Flight:
@@ -120,14 +121,14 @@ class RecordedFlight:
         return values
 
     def _messages(self, name: str) -> list[Any]:
-        topic = self._topics.get(f"{_NAMESPACE}/{name}")
+        topic = self._topics.get(f"{self._namespace}/{name}")
         return topic.messages if topic else []
 
     def _read_scenario(self) -> Scenario:
         messages = self._messages("scenario")
         if not messages:
             raise AnalysisError(
-                f"{self._path} has no {_NAMESPACE}/scenario, so it is no recording of a flight: give the"
+                f"{self._path} has no {self._namespace}/scenario, so it is no recording of a flight: give the"
                 " folder of one"
             )
         with tempfile.TemporaryDirectory() as folder:
@@ -170,7 +171,7 @@ class RecordedFlight:
             values = values_of(message)
             if values is None or len(values) != width:
                 raise AnalysisError(
-                    f"{_NAMESPACE}/{name} in {self._path} does not hold what it should at step {k}: record"
+                    f"{self._namespace}/{name} in {self._path} does not hold what it should at step {k}: record"
                     " the flight again with nodes of one version"
                 )
             rows.values[k] = values
@@ -182,7 +183,7 @@ class RecordedFlight:
         k, rest = divmod(after_ns, self.scenario.dt_ns)
         if rest or not 0 <= k <= self.scenario.steps:
             raise AnalysisError(
-                f"{_NAMESPACE}/{name} in {self._path} has a message {after_ns} ns after the start, which is"
+                f"{self._namespace}/{name} in {self._path} has a message {after_ns} ns after the start, which is"
                 f" none of the {self.scenario.steps} steps of {self.scenario.dt_ns} ns: fly with one"
                 " scenario in all nodes"
             )
@@ -224,7 +225,7 @@ class RecordedFlight:
         missing = np.flatnonzero(~rows.present[:count])
         if len(missing):
             raise AnalysisError(
-                f"{_NAMESPACE}/{name} in {self._path} lacks {len(missing)} of {count} steps, the first is"
+                f"{self._namespace}/{name} in {self._path} lacks {len(missing)} of {count} steps, the first is"
                 f" step {missing[0]}: record the flight again"
             )
 

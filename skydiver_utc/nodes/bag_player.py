@@ -20,9 +20,10 @@ from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import SetBool
 
-from skydiver_utc.nodes.topics import EACH_STEP, NAMESPACE
+from skydiver_utc.nodes.topics import EACH_STEP
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.recording.metadata import parse_qos_profiles
+from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.playback import Item, Playback, in_order
 from skydiver_utc.recording.reader import RecordedTopic, read_bag
 from skydiver_utc.recording.schemas import message_schema
@@ -172,7 +173,9 @@ class PlayerNode(Node):
 
 def _chosen(recorded: Mapping[str, RecordedTopic], names: Sequence[str]) -> dict[str, RecordedTopic]:
     """The topics asked for, all without names; `/clock` always, since time is what others go by."""
-    wanted = {name if name.startswith("/") else f"/{NAMESPACE}/{name}" for name in names} or set(recorded)
+    relative = [name for name in names if not name.startswith("/")]
+    namespace = namespace_of(recorded) if relative else ""
+    wanted = {f"{namespace}/{name}" if name in relative else name for name in names} or set(recorded)
     for name in sorted(wanted - recorded.keys()):
         raise ParameterError(
             f"the recording has no topic {name}: choose some of {', '.join(sorted(recorded))}"

@@ -279,7 +279,8 @@ class ControllerNode(ScenarioNode):
     def _listen_when_ready(self) -> None:
         if self._preview.count >= self._needs and not self.unmatched():
             self._end_startup()
-            self._states = self.listen(topics.STATE, self.on_state)
+            qos = topics.NEWEST if self._newest_only else None
+            self._states = self.listen(topics.STATE, self.on_state, qos=qos)
             self.get_logger().info("ready")
 
     def _end_startup(self) -> None:

@@ -13,9 +13,11 @@ from std_msgs.msg import String
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
+from skydiver_utc.nodes.clock_follower import ClockFollower
+from skydiver_utc.nodes.clock_leader import ClockLeader
 from skydiver_utc.nodes.diagnostics import Health, Level, Rate
 from skydiver_utc.nodes.managed import TransitionError
-from skydiver_utc.nodes.messages import ClockWriter, NamedValuesWriter, StateWriter, Vector, read_named_values
+from skydiver_utc.nodes.messages import NamedValuesWriter, StateWriter, Vector, read_named_values
 from skydiver_utc.nodes.polled import Polled, take_all
 from skydiver_utc.nodes.presence import State
 from skydiver_utc.nodes.real_time_pace import Answer, RealTimePace
@@ -49,17 +51,18 @@ class PlantNode(ScenarioNode):
         self.k = -1
         self.retries = 0
         self.sent_again = 0
+        self.over = False  # the flight; its clock may go on for others
         self._rate = Rate()
         self._timers_of_flight: list[Timer] = []
         self._monitor = OutcomeMonitor(self.scenario)
         self._create_publishers()
+        self._time = self._create_time()
         self._recorder_ready = not self.own["wait_for_recorder"]
         self.listen(topics.RECORDER_READY, self.on_recorder_ready)
         self._by_the_clock = self.own["mode"] == "real_time"
         self._real_time: RealTimePace | None = None
-        self._commands = self.listen(
-            topics.COMMAND, self.on_command, Polled() if self._by_the_clock else None
-        )
+        polled, qos = (Polled(), topics.NEWEST) if self._by_the_clock else (None, None)
+        self._commands = self.listen(topics.COMMAND, self.on_command, polled, qos)
         self.start_unless_managed()
 
     def configure(self) -> None:
@@ -69,8 +72,9 @@ class PlantNode(ScenarioNode):
         self._monitor = OutcomeMonitor(self.scenario)
         self._state = self._plant.initial_state()
         self._applied = self._plant.initial_applied()
-        self._answer_in_pause: Vector | None = None
+        self._ready: Vector | None = None  # the command of a step that waits for its time
         self._create_writers()
+        self._time.reset()
         self._real_time = self._create_pace() if self._by_the_clock else None
         self._scenarios.publish(String(data=to_yaml(self.scenario)))
         mode = "real time" if self._real_time else "lockstep"
@@ -78,7 +82,7 @@ class PlantNode(ScenarioNode):
 
     def activate(self) -> None:
         """Begin as soon as all others are there; after a pause step on the command that came in it."""
-        if self.done:
+        if self.over or self.done:
             raise TransitionError("the flight is over: clean up and configure for another one")
         now = time.monotonic()
         if self.k < 0:
@@ -89,13 +93,11 @@ class PlantNode(ScenarioNode):
             ]
             return
         self.retries, self._published_at = 0, now
-        answer, self._answer_in_pause = self._answer_in_pause, None
-        if answer is not None:
-            self._step(answer)
+        self._step_when_it_is_time()
 
     def deactivate(self) -> None:
         """Pause between two steps; a flight in real time cannot."""
-        if self._real_time is not None and self._real_time.begun and not self.done:
+        if self._real_time is not None and self._real_time.begun and not self.over:
             raise TransitionError("a flight in real time cannot pause: shut the plant down to end it")
         if self.k < 0:
             self._end_timers()
@@ -104,7 +106,9 @@ class PlantNode(ScenarioNode):
         """End a flight that is paused, and be ready for another one."""
         if self.k >= 0:
             self._abort("cleaned up")
-        self.k, self.retries, self.sent_again, self.done = -1, 0, 0, False
+        self._time.leave()
+        self.k, self.retries, self.sent_again = -1, 0, 0
+        self.over = self.done = False
 
     def shutdown(self) -> None:
         """End a flight that goes on."""
@@ -141,15 +145,19 @@ class PlantNode(ScenarioNode):
             "late_answers": self.sent_again,
             "publishers_of_command": commanders,
             "publishers_of_state": plants,
+            "publishers_of_clock": self.count_publishers(topics.CLOCK.name),
+            **self._time.told(),
         }
         if self._real_time is not None and self._real_time.begun:
             values |= {**self._real_time.accounts.told(), "late_steps": self._real_time.late_steps}
-        if self.done:
+        if self.over:
             level = Level.OK if self.outcome in _EXIT_ZERO else Level.ERROR
             return Health(level, f"{self.outcome.value}: {self.reason}", values)
         if commanders > 1 or plants > 1:
             sentence = f"{commanders} publishers of command and {plants} of state: there must be one of each"
             return Health(Level.ERROR, sentence, values)
+        if clocks := self._clocks_too_many():
+            return Health(Level.ERROR, clocks, values)
         if self.k < 0:
             return Health(Level.OK, f"waiting: there is {' and '.join(self._missing()) or 'all'}", values)
         if self._real_time is not None and self._real_time.accounts.silence:
@@ -170,19 +178,36 @@ class PlantNode(ScenarioNode):
 
     def on_command(self, message: Any) -> None:
         """Step if this command answers the state published last; count it otherwise."""
-        if self.done:
+        if self.over or self.done:
             return
         answer = self._read_answer(message)
         if answer is None:
             return
         k, command = answer
-        if k < self.k:
+        if k < self.k or self._ready is not None:
             # The answer to a state that was sent again: it was used the first time.
             self.refusals.counts["repeated"] += 1
-        elif self.active:
+            return
+        self._ready = command
+        if self.active:
+            self._step_when_it_is_time()
+
+    def _step_when_it_is_time(self) -> None:
+        if self._ready is not None and self._time.await_step(self.k + 1):
+            command, self._ready = self._ready, None
             self._step(command)
-        else:
-            self._answer_in_pause = command
+
+    def _time_moved(self) -> None:
+        """The clock, or a plant that follows it, has told something new."""
+        if self.over or self.k < 0:
+            return
+        if trouble := self._time.trouble():
+            self._monitor.end(Outcome.NO_CLOCK, trouble)
+            self._finish()
+        elif self._real_time is not None:
+            self.tick()
+        elif self.active:
+            self._step_when_it_is_time()
 
     def _read_answer(self, message: Any) -> Answer | None:
         """The step that a command answers, and the command; None, counted, where it cannot be used."""
@@ -197,15 +222,33 @@ class PlantNode(ScenarioNode):
 
     def tick(self) -> None:
         """Real time: take the commands that have come, step as often as is due."""
-        if self.done or not self.active or self._real_time is None:
+        if self.over or self.done or not self.active or self._real_time is None:
             return
         answers = [answer for message in take_all(self._commands) if (answer := self._read_answer(message))]
         waited = not self._real_time.begun
-        self._real_time.tick(answers)
-        if waited and self._real_time.begun and not self.done:
-            # In phase with the deadlines: the timer so far may wake up just before each of them.
+        self._real_time.tick(answers, lambda: self._time.may_begin_by_the_clock(1))
+        if waited and self._real_time.begun and not self.over:
             self.destroy_timer(self._timers_of_flight.pop())
-            self._timers_of_flight.append(self._tick_each_step())
+            if not self._follows:
+                # In phase with the deadlines: the timer so far may wake up just before each of them.
+                self._timers_of_flight.append(self._tick_each_step())
+            self._time.await_step(1)
+
+    @property
+    def _follows(self) -> bool:
+        return isinstance(self._time, ClockFollower)
+
+    def _create_time(self) -> ClockLeader | ClockFollower:
+        if self.own["clock"] == "follow":
+            return ClockFollower(self, self._time_moved)
+        assert self._roll_call is not None
+        return ClockLeader(self, self._roll_call.claim, self._time_moved)
+
+    def _now_ns(self) -> int:
+        """What the steps of real time are due by: the steady clock, or the one that is followed."""
+        if self._follows:
+            return (self._time.k + 1) * self.grid.dt_ns
+        return int(self._steady_clock.now().nanoseconds)
 
     def _create_pace(self) -> RealTimePace:
         return RealTimePace(
@@ -214,7 +257,7 @@ class PlantNode(ScenarioNode):
             self.own["neutral_after_s"],
             self.own["neutral_rate_rad_s"],
             self._step_in_real_time,
-            lambda: int(self._steady_clock.now().nanoseconds),
+            self._now_ns,
         )
 
     def _tick_each_step(self) -> Timer:
@@ -223,13 +266,14 @@ class PlantNode(ScenarioNode):
 
     def _step_in_real_time(self, command: Vector) -> bool:
         self._step(command)
-        return not self.done
+        return not self.over
 
     def close(self) -> int:
         """End a flight that still goes on, then wait until the listeners have everything."""
         if self.refused:
             return super().close()
         self._abort("stopped by a signal")
+        self._time.leave()
         deadline = time.monotonic() + _LAST_ACKNOWLEDGEMENT_S
         for topic, publisher in self._advertised.items():
             left_s = max(0.0, deadline - time.monotonic())
@@ -239,14 +283,13 @@ class PlantNode(ScenarioNode):
 
     def _abort(self, how: str) -> None:
         """End a flight that has not ended."""
-        if not self.done:
+        if not self.over:
             when = "before the flight began" if self.k < 0 else f"at step {self.k}"
             self._monitor.end(Outcome.ABORTED, f"{how} {when}")
             self._finish()
 
     def _create_writers(self) -> None:
         self._write_state = StateWriter(self.grid).fill
-        self._write_clock = ClockWriter(self.grid).fill
         self._write_applied = NamedValuesWriter(self.grid, CONTROL_NAMES).fill
         self._write_joints = NamedValuesWriter(self.grid, self._plant.joint_names).fill
         self._display_steps = max(1, round(1.0 / (_DISPLAY_RATE_HZ * self.scenario.dt_s)))
@@ -254,25 +297,26 @@ class PlantNode(ScenarioNode):
 
     def _create_publishers(self) -> None:
         self._states = self.advertise(topics.STATE)
-        self._clocks = self.advertise(topics.CLOCK)
         self._applieds = self.advertise(topics.APPLIED_COMMAND)
         self._joints = self.advertise(topics.JOINT_STATES)
         self._outcomes = self.advertise(topics.OUTCOME)
         self._scenarios = self.advertise(topics.SCENARIO)
 
     def _begin_when_heard(self) -> None:
-        if self.done:
+        if self.over or self.done:
             return
         missing = self._missing()
-        if not missing:
+        if not missing and self._time.await_step(0):
             self._begin()
         elif time.monotonic() - self._began_at > self.own["startup_timeout_s"]:
             waited = self.own["startup_timeout_s"]
-            self._monitor.end(Outcome.NO_COMMAND, f"after {waited:g} s there was {' and '.join(missing)}")
+            reason = f"after {waited:g} s there was {' and '.join(missing or ['no step 0 of the clock'])}"
+            self._monitor.end(Outcome.NO_COMMAND, reason)
             self._finish()
 
     def _say_what_is_missing(self) -> None:
-        self.get_logger().warning(f"waiting: there is {' and '.join(self._missing())}")
+        missing = self._missing() or ["no step 0 of the clock"]
+        self.get_logger().warning(f"waiting: there is {' and '.join(missing)}")
 
     def _missing(self) -> list[str]:
         """What the flight still waits for, in words; asks the dearer questions last."""
@@ -285,7 +329,15 @@ class PlantNode(ScenarioNode):
             missing.append(f"no listener, or too few, on {', '.join(unmatched)}")
         if not missing and not self._controller_listens():
             missing.append("no controller that listens to state")
-        return missing
+        return missing + self._time.missing()
+
+    def _clocks_too_many(self) -> str:
+        """Who publishes `/clock`, in words, where that is more than one; a player does, too."""
+        publishers = self.get_publishers_info_by_topic(topics.CLOCK.name)
+        if len(publishers) < 2:
+            return ""
+        names = sorted(f"{of.node_namespace.rstrip('/')}/{of.node_name}" for of in publishers)
+        return f"{len(names)} publishers of /clock ({', '.join(names)}): there must be one"
 
     def _controller_listens(self) -> bool:
         """True when some node that publishes commands listens to the state, not only some spectator."""
@@ -297,6 +349,8 @@ class PlantNode(ScenarioNode):
     def _begin(self) -> None:
         self._end_timers()
         self.serve()
+        if self._roll_call is not None:
+            self._time.serve(self._roll_call.claim)
         self.k = 0
         self._timers_of_flight = [self.every(self.own["command_timeout_s"] / 4, self._watch_command)]
         if self._real_time is not None:
@@ -327,7 +381,7 @@ class PlantNode(ScenarioNode):
         """State first: the controller works while the rest is sent."""
         self._states.publish(self._write_state(self.k, self._state))
         self._published_at = time.monotonic()
-        self._clocks.publish(self._write_clock(self.k))
+        self._time.show(self.k)
 
     def _publish_applied(self, k: int) -> None:
         self._applieds.publish(self._write_applied(k, self._applied[:4]))
@@ -339,7 +393,10 @@ class PlantNode(ScenarioNode):
         """Send the state again when its command is late; give up after the last retry."""
         timeout_s = self.own["command_timeout_s"]
         by_the_clock = self._real_time is not None and self._real_time.begun
-        if self.done or not self.active or by_the_clock or time.monotonic() - self._published_at < timeout_s:
+        if self._time.trouble():
+            self._time_moved()
+        answered = by_the_clock or self._ready is not None
+        if self.over or not self.active or answered or time.monotonic() - self._published_at < timeout_s:
             return
         if self.retries == self.own["command_retries"]:
             last = f"; the last message refused was on {self.refusals.last}" if self.refusals.last else ""
@@ -357,7 +414,7 @@ class PlantNode(ScenarioNode):
         self._publish_state()
 
     def _finish(self) -> None:
-        self.done = True
+        self.over = True
         wall_time_s = time.monotonic() - self._began_at if self.k >= 0 else 0.0
         self._end_timers()
         report = self._outcome_report(wall_time_s)
@@ -365,6 +422,11 @@ class PlantNode(ScenarioNode):
         self.get_logger().info(f"{self.outcome.value}: {self.reason} ({wall_time_s:.2f} s)")
         if self.own["progress"]:
             self._report(report)
+        begun = self._real_time is not None and self._real_time.begun
+        self._time.end(self._leave, self._real_time.due_step if self._real_time and begun else None)
+
+    def _leave(self) -> None:
+        self.done = True
 
     def _outcome_report(self, wall_time_s: float) -> dict[str, object]:
         """What the outcome says; in real time with the account of every step."""

@@ -64,6 +64,15 @@ OWN_PARAMETERS: Mapping[str, tuple[Leaf, ...]] = {
             "real time: rate of alpha on the way to the neutral posture",
             0.0,
         ),
+        _own(
+            "clock",
+            "own",
+            "",
+            "own: publishes /clock; follow: takes each step when the /clock of another plant shows it",
+            choices=("own", "follow"),
+        ),
+        _own("followers", 0, "1", "own clock: plants that follow it and are waited for before it begins", 0),
+        _own("clock_patience_s", 10.0, "s", "longest silence of another plant under the same clock", 0.1),
         _own("progress", False, "", "print JSON lines on the flight's progress to stdout"),
     ),
     "reference": (

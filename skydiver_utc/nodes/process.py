@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from types import FrameType
 from typing import Any
 
+from skydiver_utc import discovery
 from skydiver_utc.nodes.usage import usage
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.recording.errors import RecordingError
@@ -48,7 +49,7 @@ def run(kind: str, arguments: Sequence[str] | None = None) -> int:
         if "--help" in arguments or "-h" in arguments:
             print(usage(kind))
             return 0
-        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        discovery.prepare(os.environ)
         return _run(kind, arguments)
     except KeyboardInterrupt:
         return 0

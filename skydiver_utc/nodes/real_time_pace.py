@@ -46,26 +46,36 @@ class RealTimePace:
         """True from the first command on."""
         return self._began_ns > 0
 
-    def tick(self, answers: Iterable[Answer]) -> None:
-        """Take in the commands that have come, then step as often as is due."""
+    def tick(self, answers: Iterable[Answer], may_begin: Callable[[], bool] = lambda: True) -> None:
+        """Take in the commands that have come, then step as often as is due.
+
+        `may_begin` is asked once the first command is there: time begins when it says so.
+        """
         for answered, command in answers:
             self.accounts.receive(answered, command)
         if not self.begun:
-            if self.accounts.newest < 0:
+            if self.accounts.newest < 0 or not may_begin():
                 return
             self._began_ns = self._now_ns()
             self._command = self.accounts.choose()
-        while (late_ns := self._now_ns() - self._began_ns - self.accounts.steps * self._dt_ns) >= 0:
+        while (late_ns := self._elapsed_ns() - self.accounts.steps * self._dt_ns) >= 0:
             self._lateness_ns[self.accounts.steps - 1] = late_ns
             self.late_steps += late_ns > self._dt_ns
             if not self._step(self._command):
                 return
             self._command = self.accounts.choose()
 
+    def due_step(self) -> int:
+        """The step whose time it is."""
+        return self._elapsed_ns() // self._dt_ns
+
+    def _elapsed_ns(self) -> int:
+        return self._now_ns() - self._began_ns
+
     def told(self) -> dict[str, object]:
         """The account of the commands, and how well the steps kept the time."""
         late_ns = self._lateness_ns[: max(1, self.accounts.steps)]
-        elapsed_s = (self._now_ns() - self._began_ns) * 1e-9 if self.begun else 0.0
+        elapsed_s = self._elapsed_ns() * 1e-9 if self.begun else 0.0
         return {
             **self.accounts.told(),
             "late_steps": self.late_steps,

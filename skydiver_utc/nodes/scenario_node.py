@@ -10,6 +10,7 @@ from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
 
@@ -169,10 +170,15 @@ class ScenarioNode(ManagedNode):
         return self._advertised[topic]
 
     def listen(
-        self, topic: Topic, callback: Callable[[Any], None], group: CallbackGroup | None = None
+        self,
+        topic: Topic,
+        callback: Callable[[Any], None],
+        group: CallbackGroup | None = None,
+        qos: QoSProfile | None = None,
     ) -> Subscription:
-        """A subscription as the table of topics says."""
-        return self.create_subscription(topic.type, topic.name, callback, topic.qos, callback_group=group)
+        """A subscription as the table of topics says, or with a quality of service of its own."""
+        qos = topic.qos if qos is None else qos
+        return self.create_subscription(topic.type, topic.name, callback, qos, callback_group=group)
 
     def unmatched(self) -> list[str]:
         """Names of own topics that some listener of the table, or an awaited recorder, does not hear yet."""

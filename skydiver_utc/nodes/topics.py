@@ -44,6 +44,9 @@ def _quality(depth: int, durability: QoSDurabilityPolicy) -> QoSProfile:
 # lockstep seen. With a depth of 10 a recorder that stands still for half a second loses messages.
 EACH_STEP = _quality(5000, QoSDurabilityPolicy.VOLATILE)
 CHUNKS = _quality(20, QoSDurabilityPolicy.TRANSIENT_LOCAL)
+# For a listener to which only the newest counts: over a network that loses messages, a reliable one hears nothing
+# new until what was lost has been sent again.
+NEWEST = QoSProfile(depth=1000, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 LATCHED = _quality(1, QoSDurabilityPolicy.TRANSIENT_LOCAL)
 
 # A listener with a lease hears no publisher without one. So the lease is on topics of its own: on those of the
@@ -91,6 +94,9 @@ DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, EACH_STEP, EVERY_NODE)
 OUTCOME = Topic("outcome", String, LATCHED, PLANT)
 RECORDER_READY = Topic("recorder/ready", String, LATCHED, RECORDER, recorded=False)
 ROLL_CALL = Topic("roll_call", String, CHUNKS, EVERY_NODE, recorded=False)
+# Several plants speak there: with a depth of 1 the word of one replaces that of another before it is heard.
+CLOCK_SOURCE = Topic("/clock/source", String, CHUNKS, PLANT, recorded=False)
+CLOCK_AWAITED = Topic("/clock/awaited", String, CHUNKS, PLANT, recorded=False)
 
 # In causal order within one step: messages of one instant are recorded in this order.
 TOPICS = (
@@ -108,6 +114,8 @@ TOPICS = (
     OUTCOME,
     RECORDER_READY,
     ROLL_CALL,
+    CLOCK_SOURCE,
+    CLOCK_AWAITED,
 )
 # By the kind of node whose process it stands for; nothing is sent on them.
 ALIVE = {

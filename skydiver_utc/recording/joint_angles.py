@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.reader import read_bag
 
-_TOPIC = "/skydiver/joint_states"
+_TOPIC = "joint_states"
 _TIME = "time_s"
 _SUFFIX = "_deg"
 _LARGEST_DEG = 180.0
@@ -38,10 +39,11 @@ def read_joint_angles(path: Path, known: Sequence[str]) -> JointAngles:
 def _from_bag(path: Path, known: Sequence[str]) -> JointAngles:
     """Of a message sent twice the first counts; time is simulated time from the first message on."""
     by_stamp: dict[int, Sequence[float]] = {}
-    for message in read_bag(path, [_TOPIC])[_TOPIC].messages:
+    topic = f"{namespace_of(read_bag(path), _TOPIC)}/{_TOPIC}"
+    for message in read_bag(path, [topic])[topic].messages:
         if tuple(message.name) != tuple(known) or len(message.position) != len(known):
             raise RecordingError(
-                f"{_TOPIC} in {path} does not hold the {len(known)} joint angles of this version: record the flight"
+                f"{topic} in {path} does not hold the {len(known)} joint angles of this version: record the flight"
                 " again"
             )
         stamp = message.header.stamp

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 from skydiver_utc.analysis.figures import tracking_figure
 from skydiver_utc.analysis.metrics import metrics, to_json
@@ -15,21 +16,26 @@ from skydiver_utc.verbs.screen import show_metrics
 
 def analyse(folder: Path, as_json: bool) -> Flight:
     """Read the run, write its metrics, figure and report beside the bag, print the metrics."""
+    flight, values = examine(folder)
+    if as_json:
+        print(to_json(values))
+    else:
+        show_metrics(values, flight.scenario.title)
+    return flight
+
+
+def examine(folder: Path) -> tuple[Flight, dict[str, Any]]:
+    """Read the run and write its metrics, figure and report beside the bag; the flight and its metrics."""
     if folder.is_file():
         raise VerbError(f"{folder} is a file: give the run folder that it lies in")
     flight = read_flight(folder)
     values = metrics(flight)
-    text = to_json(values)
     figure = png(tracking_figure(flight))
     report = report_html(flight, values, figure, _versions(folder / "versions.json"))
-    (folder / "metrics.json").write_text(text + "\n", encoding="utf-8")
+    (folder / "metrics.json").write_text(to_json(values) + "\n", encoding="utf-8")
     (folder / "tracking.png").write_bytes(figure)
     (folder / "report.html").write_text(report, encoding="utf-8")
-    if as_json:
-        print(text)
-    else:
-        show_metrics(values, flight.scenario.title)
-    return flight
+    return flight, values
 
 
 def _versions(path: Path) -> dict[str, str]:

@@ -44,9 +44,10 @@ PACKAGE_FOLDER = str(Path(skydiver_utc.__file__).resolve().parents[1])
 
 
 class NodeProcesses:
-    """The nodes of one run; all of them have ended when the `with` block is left."""
+    """The nodes of one skydiver, in its namespace; all have ended when the `with` block is left."""
 
-    def __init__(self, environment: Mapping[str, str], log_folder: Path) -> None:
+    def __init__(self, environment: Mapping[str, str], log_folder: Path, namespace: str = "") -> None:
+        self._remapping = ["-r", f"__ns:=/{namespace}"] if namespace else []
         found = [PACKAGE_FOLDER, *filter(None, environment.get("PYTHONPATH", "").split(os.pathsep))]
         self._environment = {**environment, "PYTHONPATH": os.pathsep.join(found)}
         self._log_folder = log_folder
@@ -61,7 +62,7 @@ class NodeProcesses:
 
     def start(self, kind: str, parameters: Mapping[str, Value]) -> None:
         """Start ``<kind>_node`` with these ROS parameters; what it reports on stdout is kept for `reports`."""
-        command = [sys.executable, "-c", NODE_CODE.format(kind=kind), "--ros-args"]
+        command = [sys.executable, "-c", NODE_CODE.format(kind=kind), "--ros-args", *self._remapping]
         for name, value in parameters.items():
             command += ["-p", f"{name}:={json.dumps(value)}"]
         with self._log(kind).open("w") as log:

@@ -7,6 +7,7 @@ import socket
 from collections.abc import Mapping
 from pathlib import Path
 
+from skydiver_utc import discovery
 from skydiver_utc.verbs.errors import VerbError
 
 # DDS derives its ports from the domain; above 101 they run into those that Linux hands out at random.
@@ -29,7 +30,7 @@ def require_rclpy() -> None:
 def node_environment(base: Mapping[str, str]) -> dict[str, str]:
     """The caller's environment, confined to this machine and to a free domain unless it says otherwise."""
     environment = _without_bootstrap(base)
-    environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    discovery.prepare(environment)
     if not environment.get("ROS_DOMAIN_ID"):
         environment["ROS_DOMAIN_ID"] = str(free_domain())
     return environment

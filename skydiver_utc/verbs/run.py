@@ -1,19 +1,20 @@
 """``skydiver-utc run``: the flight over ROS 2, each node a process, recorded and analysed."""
 
+import json
 import os
-import re
 import tempfile
-from collections.abc import Sequence
-from datetime import datetime, timezone
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import click
 
 from skydiver_utc.analysis.errors import AnalysisError
-from skydiver_utc.parameters import Scenario, to_yaml
+from skydiver_utc.parameters import to_yaml
 from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.metadata import METADATA_FILE, message_count
+from skydiver_utc.verbs.divers import Diver, divers
 from skydiver_utc.verbs.errors import VerbError
 from skydiver_utc.verbs.node_processes import (
     CONTROLLER,
@@ -25,12 +26,10 @@ from skydiver_utc.verbs.node_processes import (
     interruptible,
 )
 from skydiver_utc.verbs.ros_environment import node_environment, require_rclpy
-from skydiver_utc.verbs.screen import Progressed, flight_progress
-from skydiver_utc.verbs.settings import load
+from skydiver_utc.verbs.screen import Progressed, flights_progress
 from skydiver_utc.verbs.simulate import exit_code
 
 _FAILED = 1
-_READY = "[skydiver.recorder]: ready"  # its log line when it hears everything
 _STOPPED = 130
 
 
@@ -42,7 +41,7 @@ class Pace(NamedTuple):
 
 
 def run(
-    scenario_name: str,
+    scenarios: Sequence[str],
     settings: Sequence[str],
     bags: Path,
     folder: Path | None,
@@ -51,95 +50,107 @@ def run(
     pace: Pace,
 ) -> int:
     """Fly, record, print the metrics; returns the exit code."""
-    scenario = load(scenario_name, settings)
-    folder = folder or new_run_folder(bags, scenario)
-    check_place(folder)
+    flying = divers(scenarios, settings, bags, folder)
     require_rclpy()
     environment = node_environment(os.environ)
     if not quiet:
-        click.echo(f"recording into {folder}, on ROS domain {environment['ROS_DOMAIN_ID']}", err=True)
+        places = ", ".join(str(diver.folder) for diver in flying)
+        click.echo(f"recording into {places}, on ROS domain {environment['ROS_DOMAIN_ID']}", err=True)
     with interruptible():
         try:
-            _fly(scenario, folder, environment, quiet, pace)
+            _fly(flying, environment, quiet, pace)
         except KeyboardInterrupt:
-            click.echo(f"stopped: {_whereabouts(folder)}", err=True)
+            for diver in flying:
+                click.echo(f"stopped: {_whereabouts(diver.folder)}", err=True)
             return _STOPPED
-    return _analyse(folder, as_json)
+    return _analyse(flying, as_json)
 
 
-def new_run_folder(bags: Path, scenario: Scenario) -> Path:
-    """``<bags>/<YYYYMMDDTHHMMSSZ>_<scenario>``, numbered if there is one of this second already."""
-    name = re.sub(r"[^\w.-]+", "_", scenario.name)
-    first = bags / f"{datetime.now(timezone.utc):%Y%m%dT%H%M%SZ}_{name}"
-    folder, number = first, 1
-    while folder.exists():
-        number += 1
-        folder = first.with_name(f"{first.name}_{number}")
-    return folder
+class _Flight:
+    """The nodes of one skydiver, and what its plant has reported."""
 
+    def __init__(self, diver: Diver, nodes: NodeProcesses, progress: Progressed) -> None:
+        self.diver, self.nodes = diver, nodes
+        self.failed: str | None = None  # the node that ended the flight, or left it without an outcome
+        self._progress = progress
+        self._told_outcome = False
+        self._recorded = True
 
-def check_place(folder: Path) -> None:
-    """Refuse, before any node starts, a run folder that cannot be made."""
-    if folder.exists():
-        raise VerbError(f"{folder} exists already: name another run folder, or move this one away")
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    if not os.access(folder.parent, os.W_OK):
-        raise VerbError(
-            f"nothing can be written into {folder.parent}: choose another place for the run folder"
-        )
+    def start(self, scenario: Path, pace: Pace, of_plant: Parameters) -> None:
+        """Start the four nodes; `of_plant` adds to the parameters of the plant."""
+        common: Parameters = {"scenario": str(scenario), "wait_for_recorder": True}
+        mode: Parameters = {"mode": "real_time" if pace.real_time else "lockstep"}
+        bag = str(self.diver.folder.absolute())
+        self.nodes.start(RECORDER, {"scenario": str(scenario), "bag_folder": bag})
+        self.nodes.start(CONTROLLER, common | mode | {"delay_steps": pace.delay_steps})
+        self.nodes.start(REFERENCE, common)
+        self.nodes.start(PLANT, common | mode | {"progress": True} | of_plant)
 
+    def goes_on(self) -> bool:
+        """Show the plant's reports; False when the flight has ended, or a node has `failed`.
 
-def _fly(scenario: Scenario, folder: Path, environment: dict[str, str], quiet: bool, pace: Pace) -> None:
-    """Start the nodes, follow the flight to its end, end the nodes."""
-    with (
-        tempfile.TemporaryDirectory(prefix="skydiver_utc_") as scratch,
-        NodeProcesses(environment, Path(scratch)) as nodes,
-    ):
-        resolved = Path(scratch) / "scenario.yaml"
-        resolved.write_text(to_yaml(scenario), encoding="utf-8")
-        mode = "real_time" if pace.real_time else "lockstep"
-        common: Parameters = {"scenario": str(resolved), "wait_for_recorder": True}
-        nodes.start(RECORDER, {"scenario": str(resolved), "bag_folder": str(folder.absolute())})
-        nodes.start(CONTROLLER, common | {"mode": mode, "delay_steps": pace.delay_steps})
-        nodes.start(REFERENCE, common)
-        nodes.start(PLANT, common | {"mode": mode, "progress": True})
-        with flight_progress(scenario, quiet) as progress:
-            failed = _follow(nodes, progress)
-        nodes.end()
-        if failed:
+        A recorder that was ready, and fails later, does not stop a flight.
+        """
+        for report in self.nodes.reports():
+            if "step" in report:
+                self._progress(report["step"], report["steps"])
+            self._told_outcome = self._told_outcome or "outcome" in report
+        failed = self.nodes.failed() if self._recorded else self.nodes.failed(RECORDER)
+        if failed == RECORDER and self.nodes.has_said(RECORDER, f"[{self.diver.name}.recorder]: ready"):
+            click.echo("the recorder has ended, the flight goes on without a recording", err=True)
+            self._recorded = False
+        elif failed and not self._told_outcome:
+            self.failed = failed
+            return False
+        if not self.nodes.ended(PLANT):
+            return True
+        self.failed = None if self._told_outcome else PLANT
+        return False
+
+    def refuse_failure(self) -> None:
+        """Say which node failed and where the recording is."""
+        place, nodes = _whereabouts(self.diver.folder), self.nodes
+        if failed := self.failed:
             raise VerbError(
-                f"the {failed} node failed ({nodes.ending(failed)}), {_whereabouts(folder)}"
-                + nodes.last_lines(failed),
+                f"the {failed} node failed ({nodes.ending(failed)}), {place}" + nodes.last_lines(failed),
                 _FAILED,
             )
         if nodes.failed() == RECORDER:
             raise VerbError(
                 f"the flight went on to its end, but its recorder failed ({nodes.ending(RECORDER)}):"
-                f" {_whereabouts(folder)}" + nodes.last_lines(RECORDER),
+                f" {place}" + nodes.last_lines(RECORDER),
                 _FAILED,
             )
 
 
-def _follow(nodes: NodeProcesses, progress: Progressed) -> str | None:
-    """Show the plant's reports until it ends; the node that failed, None if none did.
+def _fly(flying: Sequence[Diver], environment: Mapping[str, str], quiet: bool, pace: Pace) -> None:
+    """Start the nodes, follow the flights to their ends, end the nodes.
 
-    A recorder that was ready, and fails later, does not stop a flight.
+    Of several skydivers the first one's plant has the clock, the others follow it.
     """
-    told_outcome = False
-    recorded = True
-    while True:
-        for report in nodes.reports():
-            if "step" in report:
-                progress(report["step"], report["steps"])
-            told_outcome = told_outcome or "outcome" in report
-        failed = nodes.failed() if recorded else nodes.failed(RECORDER)
-        if failed == RECORDER and nodes.has_said(RECORDER, _READY):
-            click.echo("the recorder has ended, the flight goes on without a recording", err=True)
-            recorded = False
-        elif failed and not told_outcome:
-            return failed
-        if nodes.ended(PLANT):
-            return None if told_outcome else PLANT
+    with ExitStack() as stack:
+        scratch = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="skydiver_utc_")))
+        nodes = [_nodes(stack, diver, environment, scratch) for diver in flying]
+        with flights_progress({diver.name: diver.scenario for diver in flying}, quiet) as bars:
+            flights = [_Flight(*each, bars[each[0].name]) for each in zip(flying, nodes, strict=True)]
+            for flight in flights:
+                leads: Parameters = {"followers": len(flights) - 1}
+                scenario = scratch / flight.diver.name / "scenario.yaml"
+                flight.start(scenario, pace, leads if flight is flights[0] else {"clock": "follow"})
+            going = flights
+            while going and not any(flight.failed for flight in flights):
+                going = [flight for flight in going if flight.goes_on()]
+        for its in reversed(nodes):
+            its.end()
+        for flight in flights:
+            flight.refuse_failure()
+
+
+def _nodes(stack: ExitStack, diver: Diver, environment: Mapping[str, str], scratch: Path) -> NodeProcesses:
+    folder = scratch / diver.name
+    folder.mkdir()
+    (folder / "scenario.yaml").write_text(to_yaml(diver.scenario), encoding="utf-8")
+    return stack.enter_context(NodeProcesses(environment, folder, diver.name))
 
 
 def _whereabouts(folder: Path) -> str:
@@ -152,13 +163,23 @@ def _whereabouts(folder: Path) -> str:
     return "nothing was recorded"
 
 
-def _analyse(folder: Path, as_json: bool) -> int:
-    from skydiver_utc.verbs.analyse import analyse
+def _analyse(flying: Sequence[Diver], as_json: bool) -> int:
+    """Analyse each run; of several, one JSON object by name."""
+    from skydiver_utc.verbs.analyse import analyse, examine
 
-    try:
-        flight = analyse(folder, as_json)
-    except (AnalysisError, RecordingError) as error:
-        raise VerbError(f"the flight has ended but cannot be analysed: {error}", _FAILED) from error
-    if not as_json:
-        click.echo(str(folder))
-    return exit_code(flight)
+    code = 0
+    by_name: dict[str, Any] = {}
+    for diver in flying:
+        try:
+            if as_json and len(flying) > 1:
+                flight, by_name[diver.name] = examine(diver.folder)
+            else:
+                flight = analyse(diver.folder, as_json)
+        except (AnalysisError, RecordingError) as error:
+            raise VerbError(f"the flight has ended but cannot be analysed: {error}", _FAILED) from error
+        if not as_json:
+            click.echo(str(diver.folder))
+        code = max(code, exit_code(flight))
+    if by_name:
+        click.echo(json.dumps(by_name, indent=2))
+    return code

@@ -1,6 +1,6 @@
 """What a verb shows: a progress bar on stderr, metrics on stdout."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -22,9 +22,16 @@ _WIDEST = 1000
 @contextmanager
 def flight_progress(scenario: Scenario, quiet: bool) -> Iterator[Progressed]:
     """A bar that follows the steps of one flight; none when quiet or when stderr is no terminal."""
+    with flights_progress({scenario.name: scenario}, quiet) as progressed:
+        yield progressed[scenario.name]
+
+
+@contextmanager
+def flights_progress(scenarios: Mapping[str, Scenario], quiet: bool) -> Iterator[dict[str, Progressed]]:
+    """A bar for each flight, by name; none when quiet or when stderr is no terminal."""
     console = Console(stderr=True)
     if quiet or not console.is_terminal:
-        yield lambda _step, _steps: None
+        yield {name: lambda _step, _steps: None for name in scenarios}
         return
     columns = (
         TextColumn("{task.description}"),
@@ -34,13 +41,16 @@ def flight_progress(scenario: Scenario, quiet: bool) -> Iterator[Progressed]:
         TimeElapsedColumn(),
     )
     with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("getting ready", total=scenario.steps, flown=0.0, whole=scenario.duration_s)
+        yield {name: _bar_of(bar, name, scenario) for name, scenario in scenarios.items()}
 
-        def progressed(step: int, steps: int) -> None:
-            flown = step * scenario.dt_s
-            bar.update(task, description=scenario.name, completed=step, total=steps, flown=flown)
 
-        yield progressed
+def _bar_of(bar: Progress, name: str, scenario: Scenario) -> Progressed:
+    task = bar.add_task("getting ready", total=scenario.steps, flown=0.0, whole=scenario.duration_s)
+
+    def progressed(step: int, steps: int) -> None:
+        bar.update(task, description=name, completed=step, total=steps, flown=step * scenario.dt_s)
+
+    return progressed
 
 
 def show_metrics(values: dict[str, Any], title: str) -> None:

@@ -1,0 +1,184 @@
+"""Fly over two machines with a network between them that delays and loses: ``make network``.
+
+Plant and recorder are on one machine, controller and reference on the other (`machines.py`). In lockstep the flight
+must be the simulated one bit for bit, whatever the link does; in real time every step must be accounted for and the
+skydiver stay belly to earth.
+"""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import click
+from machines import ADDRESSES, Conditions, Machine, ping, two_machines, why_not
+
+from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.analysis.recorded_flight import read_flight
+from skydiver_utc.parameters import load_scenario
+from skydiver_utc.simulation.closed_loop import simulate
+from skydiver_utc.simulation.flight import Flight
+from skydiver_utc.simulation.outcome import dorsal_axis_height
+from skydiver_utc.verbs.node_processes import PACKAGE_FOLDER
+
+SCENARIO = "fast_turn_unknown_dynamics"
+MULTICAST = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+# Peers by name, where a network carries no multicast.
+STATIC_PEERS = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_STATIC_PEERS": ";".join(ADDRESSES)}
+CONDITIONS = (
+    Conditions(),
+    Conditions(1.0, 0.2, 0.0),
+    Conditions(1.0, 0.2, 0.01),
+    Conditions(5.0, 1.0, 0.02),
+    Conditions(20.0, 5.0, 0.05),
+)
+_SERVERS = ("controller", "reference")
+_GRACE_S = 30.0
+
+
+class Run:
+    """The nodes of one flight on two machines; `folder` gets their logs and the bag."""
+
+    def __init__(
+        self,
+        machines: tuple[Machine, Machine],
+        folder: Path,
+        mode: str,
+        duration_s: float,
+        discovery: Mapping[str, str] = MULTICAST,
+        controller: Mapping[str, object] = {},
+        plant: Mapping[str, object] = {},
+    ) -> None:
+        plants, controllers = machines
+        self.folder = folder
+        self._environment = {**os.environ, **discovery, "ROS_DOMAIN_ID": "1", "ROS_LOG_DIR": str(folder)}
+        self._environment["PYTHONPATH"] = PACKAGE_FOLDER
+        common = {"scenario": SCENARIO, "duration_s": duration_s}
+        waiting = {**common, "wait_for_recorder": True}
+        places = {
+            "recorder": (plants, {**common, "bag_folder": folder / "bag"}),
+            "controller": (controllers, {**waiting, "mode": mode, **controller}),
+            "reference": (controllers, waiting),
+            "plant": (plants, {**waiting, "mode": mode, "progress": True, **plant}),
+        }
+        self._processes = {kind: self._start(kind, *place) for kind, place in places.items()}
+
+    def _start(
+        self, kind: str, machine: Machine, parameters: Mapping[str, object]
+    ) -> "subprocess.Popen[bytes]":
+        command = [sys.executable, "-m", f"skydiver_utc.nodes.{kind}_node", "--ros-args"]
+        for name, value in parameters.items():
+            command += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
+        with (self.folder / f"{kind}.log").open("w") as log:
+            return subprocess.Popen(
+                machine.command(command),
+                env=self._environment,
+                cwd=self.folder,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+            )
+
+    def log(self, kind: str) -> str:
+        """What a node has printed."""
+        return (self.folder / f"{kind}.log").read_text(encoding="utf-8")
+
+    def outcome(self, patience_s: float) -> dict[str, Any]:
+        """What the plant tells in the end."""
+        try:
+            self._processes["plant"].wait(patience_s)
+            self._processes["recorder"].wait(_GRACE_S)
+        except subprocess.TimeoutExpired as error:
+            raise RuntimeError(f"{error}; the plant printed:\n{self.log('plant')}") from None
+        lines = [line for line in self.log("plant").splitlines() if line.startswith("{")]
+        if not lines:
+            raise RuntimeError(f"the plant told no outcome; it printed:\n{self.log('plant')}")
+        return dict(json.loads(lines[-1]))
+
+    def end(self) -> None:
+        """End every node that still runs."""
+        for process in self._processes.values():
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        deadline = time.monotonic() + _GRACE_S
+        for process in self._processes.values():
+            try:
+                process.wait(max(0.0, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def equals_simulation(flight: Flight) -> bool:
+    """True where every state and command has the bits of the flight in one process."""
+    alone = simulate(flight.scenario)
+    return all(
+        getattr(flight, name).tobytes() == getattr(alone, name).tobytes()
+        for name in ("states", "commands", "applied", "reference")
+    )
+
+
+def belly_to_earth(flight: Flight) -> bool:
+    """True where the dorsal axis never went below the horizon."""
+    return bool((dorsal_axis_height(flight.states) > 0.0).all())
+
+
+def flight_over(conditions: Conditions, mode: str, duration_s: float, delay_steps: int) -> list[str]:
+    """Fly once; a row of the table: what was, how it went."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="skydiver_utc_network_")))
+        machines = stack.enter_context(two_machines(conditions))
+        run = Run(machines, folder, mode, duration_s, controller={"delay_steps": delay_steps})
+        stack.callback(run.end)
+        told = run.outcome(600.0 + 2 * duration_s)
+        flight = read_flight(folder / "bag")
+    error = metrics(flight)["rmse_deg_s"] if mode == "real_time" else math.nan
+    rate = (told["states"] - 1) / told["wall_time_s"]
+    if mode == "lockstep":
+        judged = "the simulated one" if equals_simulation(flight) else "DIFFERS"
+    else:
+        account = told["real_time"]
+        parts = {kind: account[kind] for kind in ("on_time", "late", "stale", "lost")}
+        whole = sum(parts.values()) == account["steps"] == flight.scenario.steps
+        shares = ", ".join(f"{kind} {100 * n / account['steps']:.1f} %" for kind, n in parts.items())
+        judged = f"{shares}{'' if whole else ' UNACCOUNTED'}; RMSE {error:.1f} deg/s"
+        judged += "" if belly_to_earth(flight) else "; ROLLED OVER"
+    return [str(conditions), mode.replace("_", " "), told["outcome"], f"{rate:.1f}", judged]
+
+
+@click.command()
+@click.option("--duration-s", default=20.0, show_default=True, help="Length of each flight.")
+@click.option(
+    "--mode", "modes", multiple=True, default=("lockstep", "real_time"), help="Only this one; repeatable."
+)
+@click.option("--delay-steps", default=0, show_default=True, help="Delay compensation of the controller.")
+def main(duration_s: float, modes: tuple[str, ...], delay_steps: int) -> None:
+    """Fly in lockstep and in real time under each condition; print a table in Markdown."""
+    if reason := why_not():
+        raise click.ClickException(reason)
+    steps = load_scenario(SCENARIO, {"duration_s": duration_s}).steps
+    click.echo(f"{SCENARIO}, {duration_s:g} s ({steps} steps), delay_steps {delay_steps} in real time\n")
+    click.echo("| link: delay each way, loss | round trip of a datagram | came back |\n|---|---|---|")
+    for conditions in CONDITIONS:
+        with two_machines(conditions) as (here, there):
+            told = ping(here, there, 500)
+        least, median, most = (told[f"round_trip_ms_{name}"] for name in ("min", "median", "max"))
+        back = f"{told['came_back']} of {told['sent']}"
+        click.echo(f"| {conditions} | {least} to {most}, median {median} ms | {back} |")
+    click.echo("\n| link | mode | outcome | steps/s | the flight |\n|---|---|---|---|---|")
+    for mode in modes:
+        for conditions in CONDITIONS:
+            delay = delay_steps if mode == "real_time" else 0
+            click.echo(f"| {' | '.join(flight_over(conditions, mode, duration_s, delay))} |")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,174 @@
+"""The plant's own clock: it publishes `/clock`, and shows a step only when all who follow wait for it."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from std_msgs.msg import String
+
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.border import BorderError
+from skydiver_utc.nodes.messages import ClockWriter
+from skydiver_utc.nodes.roll_call import Claim
+from skydiver_utc.nodes.scenario_node import ScenarioNode
+from skydiver_utc.nodes.shared_clock import SIGNS_OF_LIFE, Awaited, ClockSource, read, write
+
+
+@dataclass
+class _Follower:
+    awaits: int
+    heard_at: float = field(default_factory=time.monotonic)
+    flying: bool = True
+
+
+class ClockLeader:
+    """The clock of a plant that follows nobody; without followers nothing is waited for.
+
+    `moved` is called when a follower has said something. Where this plant's flight ends before those of its
+    followers, the clock goes on for them.
+    """
+
+    def __init__(self, node: ScenarioNode, claim: Claim, moved: Callable[[], None]) -> None:
+        self.k = -1
+        self._node, self._claim, self._moved = node, claim, moved
+        self._expected: int = node.own["followers"]
+        self._patience_s: float = node.own["clock_patience_s"]
+        self._recorders = 1 if node.own["wait_for_recorder"] else 0
+        self._followers: dict[str, _Follower] = {}
+        self._write = ClockWriter(node.grid).fill
+        self._clocks = node.advertise(topics.CLOCK)
+        self._sources = node.advertise(topics.CLOCK_SOURCE)
+        self._shown_at = time.monotonic()
+        self._due: Callable[[], int] | None = None
+        self._done: Callable[[], None] | None = None
+        node.listen(topics.CLOCK_SOURCE, self.on_source)
+        node.listen(topics.CLOCK_AWAITED, self.on_awaited)
+        node.every(self._patience_s / SIGNS_OF_LIFE, self._look_after_followers)
+
+    def reset(self) -> None:
+        """Be there for a new flight, without followers."""
+        self.k, self._due, self._done = -1, None, None
+        self._followers.clear()
+        self._tell()
+
+    def on_source(self, message: Any) -> None:
+        """Another plant says that it publishes `/clock`: the newcomer of two leaves."""
+        try:
+            other = read(message.data, ClockSource)
+        except BorderError as error:
+            self._node.refusals.add(topics.CLOCK_SOURCE.name, error)
+            return
+        # Two plants of one namespace settle it on its roll call.
+        elsewhere = other.namespace != self._node.get_namespace()
+        if elsewhere and not other.ended and other.claim.senior_to(self._claim):
+            self._node.refuse(
+                f"the plant of {other.namespace} (process {other.claim.pid} on {other.claim.host}) publishes /clock"
+                " already: let this one follow it by -p clock:=follow, or give it another ROS domain"
+            )
+
+    def on_awaited(self, message: Any) -> None:
+        """A follower waits for a step, or has ended."""
+        try:
+            awaited = read(message.data, Awaited)
+        except BorderError as error:
+            self._node.refusals.add(topics.CLOCK_AWAITED.name, error)
+            return
+        follower = self._followers.get(awaited.namespace)
+        if follower is not None:
+            follower.awaits, follower.heard_at = awaited.step, time.monotonic()
+            follower.flying = follower.flying and not awaited.ended
+        elif self.k < 0 and not awaited.ended:
+            self._followers[awaited.namespace] = _Follower(awaited.step)
+            self._node.get_logger().info(f"the plant of {awaited.namespace} follows this clock")
+        self._goes_on()
+
+    def missing(self) -> list[str]:
+        """What step 0 still waits for, in words."""
+        here = len(self._followers)
+        if here < self._expected:
+            return [f"{here} of {self._expected} plants that follow the clock"]
+        # Of each skydiver the reference and the recorder hear the clock, of a follower the plant, too.
+        listeners = here + (1 + here) * (1 + self._recorders) if here else 0
+        return (
+            ["no listener, or too few, on /clock"]
+            if self._clocks.get_subscription_count() < listeners
+            else []
+        )
+
+    def await_step(self, k: int) -> bool:
+        """True when every follower is ready for step k."""
+        return all(follower.awaits >= k for follower in self._followers.values() if follower.flying)
+
+    may_begin_by_the_clock = await_step
+
+    def show(self, k: int) -> None:
+        """Step k is there."""
+        self.k, self._shown_at = k, time.monotonic()
+        self._clocks.publish(self._write(k))
+
+    def serve(self, claim: Claim) -> None:
+        """A flight has begun: no plant that comes later takes the clock."""
+        self._claim = claim
+        self._tell()
+
+    def trouble(self) -> str:
+        """Why this plant's flight cannot go on: never for want of a clock."""
+        return ""
+
+    def told(self) -> Mapping[str, object]:
+        """Values for the diagnostics."""
+        states = {name: "flying" if of.flying else "ended" for name, of in sorted(self._followers.items())}
+        return {"followers": ", ".join(f"{name} {state}" for name, state in states.items())}
+
+    def end(self, done: Callable[[], None], due: Callable[[], int] | None) -> None:
+        """The own flight is over: go on for the followers, by the clock where `due` tells its step; then `done`."""
+        self._done, self._due = done, due
+        if self.k < 0:
+            self.leave()
+        elif due is not None and self._flying():
+            self._node.every(self._node.scenario.dt_s, self._goes_on)
+        if self._flying() and self.k >= 0:
+            self._node.get_logger().info(f"the clock goes on for {', '.join(self._flying())}")
+        self._goes_on()
+
+    def leave(self) -> None:
+        """Show no further step, and say so."""
+        self._followers.clear()
+        self._tell(ended=True)
+
+    def _flying(self) -> list[str]:
+        return [name for name, follower in self._followers.items() if follower.flying]
+
+    def _goes_on(self) -> None:
+        """Let the plant take its step; after its end show the steps that the followers wait for."""
+        if self._done is None:
+            self._moved()
+            return
+        while self._flying() and (self.await_step(self.k + 1) if self._due is None else self._due() > self.k):
+            self.show(self.k + 1)
+        if not self._flying():
+            done, self._done = self._done, lambda: None
+            done()
+
+    def _look_after_followers(self) -> None:
+        """Show the step again where nothing happens; go on without a follower that says nothing any more."""
+        if self.k < 0 or not self._flying():
+            return
+        now = time.monotonic()
+        if now - self._shown_at > self._patience_s / SIGNS_OF_LIFE:
+            self.show(self.k)
+        for name in self._flying():
+            silent_s = now - self._followers[name].heard_at
+            if silent_s > self._patience_s:
+                self._followers[name].flying = False
+                self._node.get_logger().error(
+                    f"the plant of {name} has said nothing for {silent_s:.1f} s, it has stopped or died: the clock"
+                    " goes on without it"
+                )
+        self._goes_on()
+
+    def _tell(self, ended: bool = False) -> None:
+        grid, mode = self._node.grid, self._node.own["mode"]
+        source = ClockSource(self._claim, self._node.get_namespace(), mode, grid.dt_ns, grid.epoch_ns, ended)
+        self._sources.publish(String(data=write(source)))
