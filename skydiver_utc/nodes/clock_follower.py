@@ -29,12 +29,6 @@ class ClockFollower:
         node.listen(topics.CLOCK_SOURCE, self.on_source)
         node.every(self._patience_s / SIGNS_OF_LIFE, self._say_that_it_is_there)
 
-    def reset(self) -> None:
-        """Be there for a new flight."""
-        self.k, self._trouble = -1, ""
-        self._awaited = Awaited(self._awaited.namespace, -1)
-        self._shown_at = time.monotonic()
-
     def on_source(self, message: Any) -> None:
         """The plant whose clock this is: one with other steps or in another mode is not followed."""
         try:
@@ -45,7 +39,6 @@ class ClockFollower:
         if source.ended:
             if self._source is not None and source.claim.id == self._source.claim.id:
                 self._fail(f"the plant of {source.namespace}, whose clock it follows, has ended")
-                self._source = None
             return
         grid = self._node.grid
         if different := source.differs_from(self._node.own["mode"], grid.dt_ns, grid.epoch_ns):
@@ -111,6 +104,11 @@ class ClockFollower:
         """The flight is over: the clock need not wait any more."""
         self.leave()
         done()
+
+    def reset(self) -> None:
+        """Be ready for another flight."""
+        self.k, self._trouble = -1, ""
+        self._awaited = Awaited(self._awaited.namespace, -1)
 
     def leave(self) -> None:
         """Say that nothing is waited for any more."""

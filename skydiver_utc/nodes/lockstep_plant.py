@@ -14,7 +14,7 @@ from std_msgs.msg import String
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.clock_follower import ClockFollower
-from skydiver_utc.nodes.clock_leader import ClockLeader
+from skydiver_utc.nodes.clock_leader import ClockLeader, too_many_clocks
 from skydiver_utc.nodes.diagnostics import Health, Level, Rate
 from skydiver_utc.nodes.managed import TransitionError
 from skydiver_utc.nodes.messages import NamedValuesWriter, StateWriter, Vector, read_named_values
@@ -51,11 +51,11 @@ class PlantNode(ScenarioNode):
         self.k = -1
         self.retries = 0
         self.sent_again = 0
-        self.over = False  # the flight; its clock may go on for others
         self._rate = Rate()
         self._timers_of_flight: list[Timer] = []
         self._monitor = OutcomeMonitor(self.scenario)
         self._create_publishers()
+        self._keeps_time = False  # the flight is done, its clock goes on for others
         self._time = self._create_time()
         self._recorder_ready = not self.own["wait_for_recorder"]
         self.listen(topics.RECORDER_READY, self.on_recorder_ready)
@@ -72,9 +72,8 @@ class PlantNode(ScenarioNode):
         self._monitor = OutcomeMonitor(self.scenario)
         self._state = self._plant.initial_state()
         self._applied = self._plant.initial_applied()
-        self._ready: Vector | None = None  # the command of a step that waits for its time
+        self._ready: Vector | None = None  # the command of a step that waits for its time, or in a pause
         self._create_writers()
-        self._time.reset()
         self._real_time = self._create_pace() if self._by_the_clock else None
         self._scenarios.publish(String(data=to_yaml(self.scenario)))
         mode = "real time" if self._real_time else "lockstep"
@@ -82,7 +81,7 @@ class PlantNode(ScenarioNode):
 
     def activate(self) -> None:
         """Begin as soon as all others are there; after a pause step on the command that came in it."""
-        if self.over or self.done:
+        if self.done:
             raise TransitionError("the flight is over: clean up and configure for another one")
         now = time.monotonic()
         if self.k < 0:
@@ -97,7 +96,7 @@ class PlantNode(ScenarioNode):
 
     def deactivate(self) -> None:
         """Pause between two steps; a flight in real time cannot."""
-        if self._real_time is not None and self._real_time.begun and not self.over:
+        if self._real_time is not None and self._real_time.begun and not self.done:
             raise TransitionError("a flight in real time cannot pause: shut the plant down to end it")
         if self.k < 0:
             self._end_timers()
@@ -106,13 +105,14 @@ class PlantNode(ScenarioNode):
         """End a flight that is paused, and be ready for another one."""
         if self.k >= 0:
             self._abort("cleaned up")
-        self._time.leave()
-        self.k, self.retries, self.sent_again = -1, 0, 0
-        self.over = self.done = False
+        self.k, self.retries, self.sent_again, self.done = -1, 0, 0, False
+        self._time.reset()
+        self._keeps_time = False
 
     def shutdown(self) -> None:
         """End a flight that goes on."""
         self._abort("shut down")
+        self._time.leave()
 
     def rebuilt(self, scenario: Scenario) -> SkydiverPlant:
         """The plant of this scenario; it has stepped once, so that no flight waits for the compiler."""
@@ -120,6 +120,11 @@ class PlantNode(ScenarioNode):
         applied = plant.initial_applied()
         plant.step(plant.initial_state(), applied, plant.actuate(applied[:4], applied))
         return plant
+
+    @property
+    def finished(self) -> bool:
+        """True when the process may end: not while its clock goes on for others."""
+        return super().finished and (bool(self.refused) or self.shut_down or not self._keeps_time)
 
     @property
     def outcome(self) -> Outcome:
@@ -150,13 +155,13 @@ class PlantNode(ScenarioNode):
         }
         if self._real_time is not None and self._real_time.begun:
             values |= {**self._real_time.accounts.told(), "late_steps": self._real_time.late_steps}
-        if self.over:
+        if self.done:
             level = Level.OK if self.outcome in _EXIT_ZERO else Level.ERROR
             return Health(level, f"{self.outcome.value}: {self.reason}", values)
         if commanders > 1 or plants > 1:
             sentence = f"{commanders} publishers of command and {plants} of state: there must be one of each"
             return Health(Level.ERROR, sentence, values)
-        if clocks := self._clocks_too_many():
+        if clocks := too_many_clocks(self):
             return Health(Level.ERROR, clocks, values)
         if self.k < 0:
             return Health(Level.OK, f"waiting: there is {' and '.join(self._missing()) or 'all'}", values)
@@ -178,7 +183,7 @@ class PlantNode(ScenarioNode):
 
     def on_command(self, message: Any) -> None:
         """Step if this command answers the state published last; count it otherwise."""
-        if self.over or self.done:
+        if self.done:
             return
         answer = self._read_answer(message)
         if answer is None:
@@ -199,7 +204,7 @@ class PlantNode(ScenarioNode):
 
     def _time_moved(self) -> None:
         """The clock, or a plant that follows it, has told something new."""
-        if self.over or self.k < 0:
+        if self.done or self.k < 0:
             return
         if trouble := self._time.trouble():
             self._monitor.end(Outcome.NO_CLOCK, trouble)
@@ -222,12 +227,12 @@ class PlantNode(ScenarioNode):
 
     def tick(self) -> None:
         """Real time: take the commands that have come, step as often as is due."""
-        if self.over or self.done or not self.active or self._real_time is None:
+        if self.done or not self.active or self._real_time is None:
             return
         answers = [answer for message in take_all(self._commands) if (answer := self._read_answer(message))]
         waited = not self._real_time.begun
         self._real_time.tick(answers, lambda: self._time.may_begin_by_the_clock(1))
-        if waited and self._real_time.begun and not self.over:
+        if waited and self._real_time.begun and not self.done:
             self.destroy_timer(self._timers_of_flight.pop())
             if not self._follows:
                 # In phase with the deadlines: the timer so far may wake up just before each of them.
@@ -266,7 +271,7 @@ class PlantNode(ScenarioNode):
 
     def _step_in_real_time(self, command: Vector) -> bool:
         self._step(command)
-        return not self.over
+        return not self.done
 
     def close(self) -> int:
         """End a flight that still goes on, then wait until the listeners have everything."""
@@ -283,7 +288,7 @@ class PlantNode(ScenarioNode):
 
     def _abort(self, how: str) -> None:
         """End a flight that has not ended."""
-        if not self.over:
+        if not self.done:
             when = "before the flight began" if self.k < 0 else f"at step {self.k}"
             self._monitor.end(Outcome.ABORTED, f"{how} {when}")
             self._finish()
@@ -303,7 +308,7 @@ class PlantNode(ScenarioNode):
         self._scenarios = self.advertise(topics.SCENARIO)
 
     def _begin_when_heard(self) -> None:
-        if self.over or self.done:
+        if self.done:
             return
         missing = self._missing()
         if not missing and self._time.await_step(0):
@@ -330,14 +335,6 @@ class PlantNode(ScenarioNode):
         if not missing and not self._controller_listens():
             missing.append("no controller that listens to state")
         return missing + self._time.missing()
-
-    def _clocks_too_many(self) -> str:
-        """Who publishes `/clock`, in words, where that is more than one; a player does, too."""
-        publishers = self.get_publishers_info_by_topic(topics.CLOCK.name)
-        if len(publishers) < 2:
-            return ""
-        names = sorted(f"{of.node_namespace.rstrip('/')}/{of.node_name}" for of in publishers)
-        return f"{len(names)} publishers of /clock ({', '.join(names)}): there must be one"
 
     def _controller_listens(self) -> bool:
         """True when some node that publishes commands listens to the state, not only some spectator."""
@@ -396,7 +393,7 @@ class PlantNode(ScenarioNode):
         if self._time.trouble():
             self._time_moved()
         answered = by_the_clock or self._ready is not None
-        if self.over or not self.active or answered or time.monotonic() - self._published_at < timeout_s:
+        if self.done or not self.active or answered or time.monotonic() - self._published_at < timeout_s:
             return
         if self.retries == self.own["command_retries"]:
             last = f"; the last message refused was on {self.refusals.last}" if self.refusals.last else ""
@@ -414,7 +411,7 @@ class PlantNode(ScenarioNode):
         self._publish_state()
 
     def _finish(self) -> None:
-        self.over = True
+        self.done = True
         wall_time_s = time.monotonic() - self._began_at if self.k >= 0 else 0.0
         self._end_timers()
         report = self._outcome_report(wall_time_s)
@@ -423,10 +420,11 @@ class PlantNode(ScenarioNode):
         if self.own["progress"]:
             self._report(report)
         begun = self._real_time is not None and self._real_time.begun
+        self._keeps_time = True
         self._time.end(self._leave, self._real_time.due_step if self._real_time and begun else None)
 
     def _leave(self) -> None:
-        self.done = True
+        self._keeps_time = False
 
     def _outcome_report(self, wall_time_s: float) -> dict[str, object]:
         """What the outcome says; in real time with the account of every step."""

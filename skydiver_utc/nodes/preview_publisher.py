@@ -97,7 +97,8 @@ class ReferenceNode(ScenarioNode):
         repeated = k == self._k
         if not repeated:
             self._k, self._heard_at, self._told_silence = k, time.monotonic(), False
-        if not self.active or k > self.scenario.steps:  # beyond, the clock goes on for another skydiver
+        # After the flight's end the clock goes on for another skydiver.
+        if not self.active or k > self.scenario.steps:
             return
         if repeated or k // self._chunk_steps != self._chunk:
             self._publish_chunk(k // self._chunk_steps)
