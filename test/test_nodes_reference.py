@@ -49,7 +49,7 @@ class Stage:
 
 @pytest.fixture
 def stage(ros: Ros) -> Stage:
-    return Stage(ros)
+    return Stage(ros, duration_s=1.0)
 
 
 def test_the_first_chunk_comes_when_there_is_a_clock(stage: Stage) -> None:
@@ -96,6 +96,15 @@ def test_a_repeated_clock_repeats_its_chunk(stage: Stage) -> None:
     stage.ros.spin_until(lambda: len(stage.chunks) == 3)
     stage.ros.spin_for(0.1)
     assert stage.first_steps() == [0, 10, 10]
+
+
+def test_it_is_silent_where_the_clock_goes_on_for_another_skydiver(stage: Stage) -> None:
+    stage.begun()
+    last = stage.node.scenario.steps
+    stage.plant.sends(topics.CLOCK).publish(stage.write(last + 1))
+    stage.turn_to(last)
+    assert [stage.node.grid.step_of(setpoint.header.stamp) for setpoint in stage.setpoints] == [last]
+    assert stage.first_steps() == [0, last // CHUNK * CHUNK]
 
 
 @pytest.mark.parametrize("edit", ["off the grid", "not set"])
