@@ -103,6 +103,7 @@ def test_it_is_silent_where_the_clock_goes_on_for_another_skydiver(stage: Stage)
     last = stage.node.scenario.steps
     stage.plant.sends(topics.CLOCK).publish(stage.write(last + 1))
     stage.turn_to(last)
+    stage.ros.spin_until(lambda: len(stage.chunks) == 2)
     assert [stage.node.grid.step_of(setpoint.header.stamp) for setpoint in stage.setpoints] == [last]
     assert stage.first_steps() == [0, last // CHUNK * CHUNK]
 
