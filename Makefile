@@ -19,7 +19,7 @@ help:
 	@echo "make lint      ruff and mypy"
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
 	@echo "make bench-ros time a flight over four processes beside a bare rclpy loop of four; some three minutes"
-	@echo "make study     fly 500 random tunings again, into docs/paper; some twenty minutes"
+	@echo "make study     fly 4 x 500 random tunings again, into docs/paper; some ten minutes"
 	@echo "make paper     make all of docs/paper and docs/figures/tuning again, study included"
 	@echo "make soak      30 simulated minutes in lockstep, 10 minutes in real time: memory, losses, lateness"
 	@echo "make network   fly over two machines with a network between them that delays and loses; Linux, root"

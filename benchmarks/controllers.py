@@ -2,7 +2,7 @@
 
 import ctypes
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from c_transcription import CUtc
@@ -21,12 +21,9 @@ DURATION_S = 5.0
 AGREEMENT = 1e-9
 
 
-def short(name: str, horizon_steps: int | None = None) -> Scenario:
-    """The first seconds of a scenario, with another horizon if one is given."""
-    overrides: dict[str, object] = {"duration_s": DURATION_S}
-    if horizon_steps is not None:
-        overrides["controller.horizon_steps"] = horizon_steps
-    return load_scenario(name, overrides)
+def short(name: str, changes: Mapping[str, object] | None = None) -> Scenario:
+    """The first seconds of a scenario, with other values under these dotted names."""
+    return load_scenario(name, {"duration_s": DURATION_S, **(changes or {})})
 
 
 def decision(scenario: Scenario) -> Callable[[], float]:

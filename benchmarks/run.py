@@ -22,13 +22,25 @@ from rich.table import Table
 from timing import Group, Row, Subject, machine
 
 from skydiver_utc.jit import kernel
-from skydiver_utc.parameters import load_scenario, scenario_names
+from skydiver_utc.parameters import load_scenario
 from skydiver_utc.plant.dynamics import WORK_SIZE, drive_limbs, moving_step, rk4_step
 from skydiver_utc.simulation.build import build_plant
 from skydiver_utc.simulation.closed_loop import simulate
 
 _STEPS_IN_A_LOOP = 2000
-_RIVALS = {"fast_turn_gauss_newton": "Gauss-Newton", "fast_turn_mppi": "MPPI", "fast_turn_pose_only": "pose"}
+# Label: scenario and what is changed in it. All look twenty steps ahead; MPPI's are four control periods long.
+_RIVALS: dict[str, tuple[str, dict[str, object]]] = {
+    "Gauss-Newton, one held control": ("fast_turn_gauss_newton_held", {}),
+    "Gauss-Newton, five controls": ("fast_turn_gauss_newton", {}),
+    "Gauss-Newton, a control for every step": ("fast_turn_gauss_newton", {"controller.blocks": 20}),
+    "MPPI, 64 samples": ("fast_turn_mppi", {}),
+    "linear-quadratic regulator": ("fast_turn_lqr", {}),
+    "pose": ("fast_turn_pose_only", {}),
+}
+_SHORT_RIVALS: dict[str, tuple[str, dict[str, object]]] = {
+    "UTC, eq:m1utc": ("fast_turn_pi_dynamics", {}),
+    "UTC, square-root form": (FAST, {"controller.horizon_steps": 5, "controller.square_root": True}),
+}
 
 
 @kernel
@@ -75,15 +87,14 @@ def whole_flight() -> Callable[[], float]:
 def control_steps(stack: ExitStack) -> Iterator[Group]:
     """UTC at two horizons beside C and the other controllers."""
     loaded = stack.enter_context(library()) if compiler() else None
-    for steps, rivals in ((20, _RIVALS), (5, {"fast_turn_pi_dynamics": "UTC, eq:m1utc"})):
-        scenario = short(FAST, steps)
+    for steps, rivals in ((20, _RIVALS), (5, _SHORT_RIVALS)):
+        scenario = short(FAST, {"controller.horizon_steps": steps})
         subjects = [Subject("UTC", decision(scenario), batch=20)]
         if loaded is not None:
             subjects.append(Subject("UTC in C (c/utc_step.c)", c_step(loaded, scenario), batch=20))
         subjects += [
-            Subject(label, decision(short(name)), batch=20)
-            for name, label in rivals.items()
-            if name in scenario_names()
+            Subject(label, decision(short(name, changes)), batch=20)
+            for label, (name, changes) in rivals.items()
         ]
         yield Group(f"one control step, N = {steps}", subjects, rounds=150)
     if loaded is not None:
@@ -100,7 +111,7 @@ def chains() -> Iterator[Group]:
     from tool_chains.flight import tool_chains
 
     for steps in (20, 5):
-        scenario = short(FAST, steps)
+        scenario = short(FAST, {"controller.horizon_steps": steps})
         subjects = [Subject("UTC", decision(scenario), batch=20), *tool_chains(scenario)]
         yield Group(f"one control step, tool chains, N = {steps}", subjects, rounds=15)
 

@@ -33,6 +33,7 @@ KEYS = [
     "facing",
     "facing_since_s",
     "min_dorsal_axis",
+    "parameter_changes",
 ]
 
 

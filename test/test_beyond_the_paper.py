@@ -1,5 +1,6 @@
 """What the paper does not have: off by default, and what it does when it is on."""
 
+import msgspec
 import numpy as np
 import paper_utc as paper
 import pytest
@@ -7,23 +8,27 @@ import pytest
 from skydiver_utc import UnscentedTransformController
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.control.coupling import CouplingSchedule
-from skydiver_utc.parameters import UtcParameters, load_scenario
+from skydiver_utc.parameters import load_scenario
 from skydiver_utc.simulation.closed_loop import simulate
 
 DT = 0.0042
+PAPER_UTC = load_scenario("fast_turn_unknown_dynamics").controller
 
 
 def test_without_an_option_the_controller_is_the_papers():
-    parameters = UtcParameters()
+    parameters = PAPER_UTC
     assert parameters.full_coupling_acceleration == 0.0
     assert parameters.aim == "end_point"
     assert parameters.covariance_leak == 0.0
+    assert parameters.square_root is False
 
 
 @pytest.mark.parametrize(("change", "share"), [(0.25, 0.25), (-0.5, 0.5), (3.0, 1.0), (0.0, 0.02)])
 def test_the_row_of_the_damping_grows_with_the_acceleration_ahead(change, share):
     """Full at 6 rad/s2, the largest |change| in the preview counts, the other variances stay."""
-    schedule = CouplingSchedule(UtcParameters(full_coupling_acceleration=6.0), k_hyst=2, dt_s=DT)
+    schedule = CouplingSchedule(
+        msgspec.structs.replace(PAPER_UTC, full_coupling_acceleration=6.0), k_hyst=2, dt_s=DT
+    )
     preview = 1.0 + np.array([0.0, 0.1, 1.1, 1.1]) * change * 6.0 * DT
     Qu = schedule.process_noise(preview)
     full = np.abs(paper.process_noise(1.0, 1.0, 1.0))

@@ -211,5 +211,5 @@ def test_override_changes_a_copy() -> None:
 
 def test_check_uses_no_memory_of_an_earlier_call(run: Path) -> None:
     recording = RecordedFlight(run)
-    assert check(recording, recording.scenario).equal
-    assert check(recording, recording.scenario).equal
+    assert check(recording).equal
+    assert check(recording).equal

@@ -89,7 +89,9 @@ def test_it_waits_for_an_awaited_recorder(ros: Ros) -> None:
     stage.plant.sends(topics.REFERENCE_PREVIEW).publish(stage.reference())
     ros.spin_for(0.3)
     assert stage.states.get_subscription_count() == 0
-    ros.partner("recorder").hear(topics.COMMAND)
+    recorder = ros.partner("recorder")
+    recorder.hear(topics.COMMAND)
+    recorder.hear(topics.CHANGES)
     stage.ready()
 
 

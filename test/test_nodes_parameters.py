@@ -116,7 +116,7 @@ def test_every_scalar_of_the_scenario_is_declared_with_its_range(ros: Ros) -> No
     assert "yaw_acceleration" in node.describe_parameter("controller.coupling").additional_constraints
 
 
-@pytest.mark.parametrize("name", ["controller.horizon_steps", "scenario", "wait_for_recorder"])
+@pytest.mark.parametrize("name", ["duration_s", "subject.mass_kg", "scenario", "wait_for_recorder"])
 def test_parameters_cannot_be_set_after_the_start(ros: Ros, name: str) -> None:
     node = ros.add(Bare("controller", ros.context, overrides()))
     before = node.get_parameter(name).value

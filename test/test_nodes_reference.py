@@ -29,6 +29,7 @@ class Stage:
         self.plant: Partner = ros.partner("plant")
         self.setpoints = self.plant.hear(topics.SETPOINT)
         self.chunks = self.plant.hear(topics.REFERENCE_PREVIEW)
+        self.plant.hear(topics.CHANGES)
         self.write = ClockWriter(self.node.grid).fill
 
     def turn_to(self, *steps: int) -> None:

@@ -208,7 +208,7 @@ def test_who_comes_into_a_flight_is_told_so(ros: Ros) -> None:
     stage.tell()
     stage.until_it_awaits(0)
     stage.show(7)
-    ros.spin_until(lambda: stage.plant.over)
+    ros.spin_until(lambda: stage.plant.done)
     assert stage.plant.outcome is Outcome.NO_CLOCK
     assert "the clock shows step 7 already" in stage.plant.reason
 

@@ -3,6 +3,8 @@
 import math
 
 import msgspec
+import numpy as np
+import paper_utc
 import pytest
 
 from skydiver_utc.parameters import (
@@ -147,3 +149,20 @@ def test_pattern_must_have_unit_norm():
     pattern = msgspec.to_builtins(load_scenario(FAST).pattern)
     pattern["components"]["left_hip"] = [0.9, 0.0, 0.0]
     assert "unit norm" in refused({"pattern": pattern})
+
+
+def test_a_utc_has_the_papers_numbers_where_its_scenario_says_nothing():
+    found = load_scenario("fast_turn_pose_only", {"controller": {"kind": "utc", "W0": 0.5}}).controller
+    names = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
+    variances = [getattr(found, f"variance_{name}") for name in names]
+    np.testing.assert_array_equal(variances, paper_utc.VARIANCES)
+    covariances = (found.covariance_12, found.covariance_13, found.covariance_14)
+    assert covariances == (paper_utc.Q12, paper_utc.Q13, paper_utc.Q14)
+    settings = paper_utc.Settings(dt=0.0042)
+    assert (found.P_err, found.horizon_steps) == (settings.P_err, settings.N)
+    assert found.W0 == 0.5
+
+
+def test_a_controller_of_a_kind_without_a_file_must_say_what_it_needs():
+    message = refused({"controller": {"kind": "lqr", "K_p": 1.0}})
+    assert "controller.K_p" in message

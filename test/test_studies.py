@@ -25,6 +25,7 @@ from skydiver_utc.studies.paper_files import read_comparison, to_json, write_com
 from skydiver_utc.studies.paper_page import page
 from skydiver_utc.studies.paper_results import PaperResults, fly_comparison
 from skydiver_utc.studies.runs import Measures, fly_all, measure, run
+from skydiver_utc.studies.step_cost import StepCost
 from skydiver_utc.studies.tuning import (
     FACTORS,
     Tuning,
@@ -37,6 +38,7 @@ from skydiver_utc.studies.tuning import (
 )
 from skydiver_utc.studies.tuning_files import flights_file
 from skydiver_utc.studies.tuning_summary import summarise
+from skydiver_utc.theory.riccati import Riccati, output_riccati
 from skydiver_utc.verbs.settings import load as load_from_command_line
 
 PAPER = Path(__file__).resolve().parents[1] / "docs" / "paper"
@@ -189,6 +191,32 @@ class TestClaims:
         results = msgspec.structs.replace(results_with(), tuning=[])
         assert verdict(results, "Not much sensitivity") is Verdict.ELSEWHERE
         assert "Not flown" in page(results)
+
+    @pytest.mark.parametrize(
+        ("cost", "expected"),
+        [
+            (None, Verdict.ELSEWHERE),
+            (StepCost(1.5, 20.0), Verdict.HOLDS),
+            (StepCost(0.9, 20.0), Verdict.PARTLY),
+            (StepCost(0.9, 0.8), Verdict.FAILS),
+        ],
+    )
+    def test_the_cost_of_a_nonlinear_program(self, cost: StepCost | None, expected: Verdict) -> None:
+        results = msgspec.structs.replace(results_with(), cost=cost)
+        assert verdict(results, "Propagating nine sigma points") is expected
+
+    def test_the_riccati_form_is_computed_and_flown(self) -> None:
+        assert verdict(results_with(), "For linear systems stability") is Verdict.HOLDS
+
+    def test_without_the_additional_term_the_riccati_form_fails(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def without(*given: object) -> Riccati:
+            terms = output_riccati(*given)
+            return terms._replace(additional=0.0 * terms.additional)
+
+        monkeypatch.setattr("skydiver_utc.studies.claims_theory.output_riccati", without)
+        assert verdict(results_with(), "For linear systems stability") is Verdict.PARTLY
 
 
 class TestShippedPage:
@@ -356,6 +384,8 @@ def test_the_quick_comparison_flies_everything_but_shortly(monkeypatch: pytest.M
     assert {len(flight.states) for flight in flights.values()} == {501}
     assert results.of(flown.M1_C2) == measure(flights["utc_m1_c2"])
     assert results.quick
+    assert results.cost is not None
+    assert min(results.cost.held, results.cost.every_step) > 0.0
 
 
 def test_a_hand_without_force_does_nothing_and_a_strong_one_more() -> None:

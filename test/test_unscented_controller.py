@@ -307,8 +307,9 @@ def test_when_all_points_diverge_the_previous_control_and_covariance_stay():
     assert_usable(result, -8.0, 8.0)
     assert result.status is Status.KEPT_PREVIOUS
     assert (result.lost, result.control[0]) == (3, 0.5)
-    assert (
-        result.sentence == "The previous control was kept: 3 of 3 sigma points diverged inside the horizon."
+    assert result.sentence == (
+        "The previous control was kept: 3 of 3 sigma points diverged inside the horizon;"
+        " the next step begins from the initial Pu."
     )
     np.testing.assert_array_equal(drive.Pu, before)
     assert drive.step([0.0], 0.3).status is Status.SOLVED

@@ -1,5 +1,6 @@
 """A controller asked again: the states and the reference of a recording, and what it answers to them now."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,19 +9,20 @@ from numpy.typing import NDArray
 
 from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.recorded_flight import CONTROL_NAMES, RecordedFlight
-from skydiver_utc.parameters import Scenario
-from skydiver_utc.simulation.asked_again import decide_again
+from skydiver_utc.parameters import Scenario, override
+from skydiver_utc.simulation.asked_again import Stretch, decide_again
 from skydiver_utc.simulation.build import build_controller, build_reference
 from skydiver_utc.simulation.flight import Flight
 
 SCHEMA_VERSION = 1
+_CONTROLLER = "controller"
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """The recorded flight, the scenario whose controller was asked, and its answers, commands (K, 4).
+    """The recorded flight and the answers of the controller that was asked, commands (K, 4).
 
     `reference_added` counts the steps of the reference that no recorded preview covers, at the end of the flight:
     there the recorded scenario's own reference stands in. In real time a step without an answer has the command
@@ -28,7 +30,6 @@ class Check:
     """
 
     flight: Flight
-    scenario: Scenario
     commands: Floats
     reference_added: int
     in_real_time: bool
@@ -52,22 +53,35 @@ class Check:
         return (int(places[0, 0]), int(places[0, 1])) if len(places) else None
 
 
-def check(recording: RecordedFlight, scenario: Scenario) -> Check:
-    """Ask a scenario's controller, the recorded scenario's or another one's.
+def check(recording: RecordedFlight, instead: Callable[[Scenario], Scenario] = lambda s: s) -> Check:
+    """Ask the recorded scenario's controller, or that of the scenario which `instead` makes of it.
 
     The states are those of the recorded flight, whatever the answers: another controller is asked what it would
-    have done at each of them, it does not fly. Its memory, from the first step on, is its own.
+    have done at each of them, it does not fly. Its memory, from the first step on, is its own; where the recorded
+    controller began anew in flight, with other parameters or as another process, so does the one that is asked.
     """
     flight = recording.flight()
     if len(flight.commands) == 0:
         raise AnalysisError(
             "the recording has no whole step, so there is nothing to check: record the flight again"
         )
-    controller = build_controller(scenario)
-    reference, added = _reference(recording, flight, controller.preview_steps)
-    return Check(
-        flight, scenario, decide_again(controller, flight.states, reference), added, recording.in_real_time()
-    )
+    stretches = _stretches(flight, instead)
+    ahead = max(stretch.controller.preview_steps for stretch in stretches)
+    reference, added = _reference(recording, flight, ahead)
+    commands = decide_again(stretches, flight.states, reference)
+    return Check(flight, commands, added, recording.in_real_time())
+
+
+def _stretches(flight: Flight, instead: Callable[[Scenario], Scenario]) -> list[Stretch]:
+    """The controllers of the flight, from the first step of each on."""
+    changes = [change for change in flight.changes if change.node == _CONTROLLER]
+    begins = {0: Stretch(0, build_controller(instead(flight.scenario)), None)}
+    for change in changes:
+        if change.step < len(flight.commands):
+            controller = build_controller(instead(override(flight.scenario, change.parameters)))
+            control = None if change.control is None else np.array(change.control)
+            begins[change.step] = Stretch(change.step, controller, control)
+    return list(begins.values())
 
 
 def report(found: Check) -> dict[str, Any]:

@@ -37,7 +37,13 @@ def rows(values: dict[str, Any]) -> list[Row]:
         Row(label, _text(value, form), unit)
         for name, label, value, unit, form in found
         if value is not None or name not in _OF_ROTATION
-    ]
+    ] + [_change(change) for change in values["parameter_changes"]]
+
+
+def _change(change: dict[str, Any]) -> Row:
+    """A change in flight; a node without any parameter changed has only begun anew."""
+    values = ", ".join(f"{name} = {value}" for name, value in change["parameters"].items())
+    return Row(f"{change['node']} from {change['time_s']:.3f} s on", values or "begun anew", "")
 
 
 def _value(values: dict[str, Any], name: str) -> float | str | None:

@@ -48,6 +48,9 @@ def metrics(flight: Flight) -> dict[str, Any]:
         steps with each status of the controller: solved, saturated, repaired, kept_previous.
     min_dorsal_axis
         lowest height of the dorsal axis: 1 belly to earth, 0 on the side, -1 on the back.
+    parameter_changes
+        node, step, time and parameters of each change in flight. Errors are those from the reference that was
+        flown; the band of convergence and the effort's range are those of the scenario at the start.
     """
     scenario = flight.scenario
     steps = len(flight.states) - 1
@@ -77,6 +80,15 @@ def metrics(flight: Flight) -> dict[str, Any]:
         "facing": facing,
         "facing_since_s": facing_since_s,
         "min_dorsal_axis": _finite(float(np.min(dorsal_axis_height(flight.states)))),
+        "parameter_changes": [
+            {
+                "node": change.node,
+                "step": change.step,
+                "time_s": change.step * scenario.dt_ns / 1e9,
+                "parameters": dict(change.parameters),
+            }
+            for change in flight.changes
+        ],
     }
 
 

@@ -15,7 +15,7 @@ from skydiver_utc.analysis.metrics import FLOWN_TO_ITS_END
 from skydiver_utc.parameters import ParameterError, Scenario, load_scenario
 from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.reader import RecordedTopic, read_bag
-from skydiver_utc.simulation.flight import Flight
+from skydiver_utc.simulation.flight import Flight, ParameterChange
 from skydiver_utc.simulation.outcome import Outcome
 
 CONTROL_NAMES = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
@@ -91,7 +91,24 @@ class RecordedFlight:
             reason=reason
             or f"the recording has no outcome, it ends after {steps} of {self.scenario.steps} steps",
             wall_time_s=wall_time_s,
+            changes=self.changes(),
         )
+
+    def changes(self) -> tuple[ParameterChange, ...]:
+        """Parameters changed in flight, in the order of the steps; of two records of one step the later one."""
+        found: dict[tuple[int, str], ParameterChange] = {}
+        for message in self._messages("changes"):
+            try:
+                told = json.loads(message.data)
+                control = None if told["control"] is None else tuple(map(float, told["control"]))
+                step, node = int(told["step"]), str(told["node"])
+                found[step, node] = ParameterChange(node, step, dict(told["parameters"]), control)
+            except (ValueError, KeyError, TypeError) as error:
+                raise AnalysisError(
+                    f"a change of parameters in {self._path} cannot be understood ({error!r}): record the"
+                    " flight again"
+                ) from error
+        return tuple(found[key] for key in sorted(found))
 
     def previews(self, count: int) -> Floats:
         """The reference (count,) of the first steps as the previews told it, the newest one counts; NaN without."""

@@ -1,5 +1,7 @@
 """How the process noise couples the controls: the signs s12, s13 (eq_q1, eq_q3) and s14 (eq:s14)."""
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,6 +28,8 @@ class CouplingSchedule:
                 parameters.variance_alpha,
             ]
         )
+        # A flight needs few of them again and again: eq:s14 flips its sign each step while the turn speeds up.
+        self._scaled = lru_cache(maxsize=16)(lambda *found: parameters.Qu_ratio * self._matrix(*found))
         self.reset()
 
     def reset(self) -> None:
@@ -35,46 +39,46 @@ class CouplingSchedule:
 
     def initial_covariance(self, preview: Array) -> Array:
         """Pu (4, 4) at k = 0, with the raw s14 = -1 and the coupling's signs at the first step."""
-        s12, s13 = self._hand_signs(preview)
-        return self._matrix(s12, s13, self._signed(-1.0, preview), 1.0)
+        now, following = preview[:2].tolist()
+        s12, s13 = self._hand_signs(now, following)
+        return self._matrix(s12, s13, self._signed(-1.0, now, preview), 1.0)
 
     def process_noise(self, preview: Array) -> Array:
-        """Qu (4, 4) at the step where the reference preview [rad/s] starts."""
-        s12, s13 = self._hand_signs(preview)
-        return self._parameters.Qu_ratio * self._matrix(s12, s13, self._s14(preview), self._demand(preview))
+        """Qu (4, 4) at the step where the reference preview [rad/s] starts; not to be written to."""
+        now, following = preview[:2].tolist()
+        s12, s13 = self._hand_signs(now, following)
+        return self._scaled(s12, s13, self._s14(now, following, preview), self._demand(preview))
 
-    def _hand_signs(self, preview: Array) -> tuple[float, float]:
+    def _hand_signs(self, now: float, following: float) -> tuple[float, float]:
         match self._parameters.coupling:
             case "yaw_rate":
-                sign = _sign(float(preview[0]))
+                sign = _sign(now)
                 return sign, -sign
             case "yaw_acceleration":
-                sign = _sign(float(preview[1] - preview[0]))
+                sign = _sign(following - now)
                 return sign, sign
             case _:
                 return 0.0, 0.0
 
-    def _s14(self, preview: Array) -> float:
+    def _s14(self, now: float, following: float, preview: Array) -> float:
         """eq:s14; a sign of zero keeps the value before."""
-        now = abs(float(preview[1])) - abs(float(preview[0]))
-        ahead = abs(float(preview[self._k_hyst + 1])) - abs(float(preview[self._k_hyst]))
-        match self._parameters.s14_recursion_reading:
-            case "printed":
-                change = now if self._s14_raw > 0 else ahead
-            case "no_hysteresis":
-                change = now
-            case _:
-                change = ahead
+        reading = self._parameters.s14_recursion_reading
+        ahead = reading == "look_ahead" or (reading == "printed" and self._s14_raw <= 0)
+        if ahead:
+            before, after = preview[self._k_hyst : self._k_hyst + 2].tolist()
+        else:
+            before, after = now, following
+        change = abs(after) - abs(before)
         if change != 0.0:
             self._s14_raw = -_sign(change)
-        return self._signed(self._s14_raw, preview)
+        return self._signed(self._s14_raw, now, preview)
 
-    def _signed(self, s14: float, preview: Array) -> float:
+    def _signed(self, s14: float, now: float, preview: Array) -> float:
         """s14 times the sign of the turn; a flight that starts from zero takes the sign of the turn to come."""
         if self._parameters.s14_sign_reading == "printed":
             return s14
-        if preview[0] != 0.0:
-            self._rate_sign = _sign(float(preview[0]))
+        if now != 0.0:
+            self._rate_sign = _sign(now)
         elif self._rate_sign == 0.0:
             coming = preview[np.flatnonzero(preview)[:1]]
             self._rate_sign = _sign(float(coming[0])) if len(coming) else 1.0

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.control.protocol import Status
+from skydiver_utc.control.utc_step import Recovery
 
 Array = NDArray[np.float64]
 
@@ -21,6 +22,7 @@ class UtcResult:
     covariance (m, m): Pu after the step
     repaired: what had to be added to the eigenvalues of Pu before its root could be taken
     lost: how many of the 2m+1 sigma points diverged inside the horizon and were left out
+    recovery: what was done where a negative W0 or a failed step asked for more
     status, sentence: what happened, as a code and in words
     """
 
@@ -30,6 +32,7 @@ class UtcResult:
     covariance: Array
     repaired: float
     lost: int
+    recovery: Recovery
     status: Status
     limited: tuple[str, ...]
     reason: str
@@ -44,12 +47,17 @@ class UtcResult:
     def sentence(self) -> str:
         """What happened, in words."""
         if self.status is Status.KEPT_PREVIOUS:
-            return f"The previous control was kept: {self.reason}."
+            again = (
+                "; the next step begins from the initial Pu" if self.recovery is Recovery.RESTARTED else ""
+            )
+            return f"The previous control was kept: {self.reason}{again}."
         told = []
         if self.lost:
             told.append(f"{self.lost} of {2 * len(self.control) + 1} sigma points diverged and were left out")
         if self.repaired > 0.0:
             told.append(f"eigenvalues of Pu were lifted by {self.repaired:.3g} in all")
+        if self.recovery is Recovery.ABOUT_CENTRE:
+            told.append("W0 made the output's covariance indefinite, so it was taken about the central point")
         told.extend(self.limited)
         if not told:
             return f"Solved; the reference is {np.abs(self.innovation).max():.3g} from the predicted output."

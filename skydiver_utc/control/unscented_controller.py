@@ -11,6 +11,7 @@ from skydiver_utc.control.protocol import Status
 from skydiver_utc.control.result import UtcResult, limits_met
 from skydiver_utc.control.roll_out import ControlDynamics, Output, Plant, RollOut
 from skydiver_utc.control.utc import UtcLaw
+from skydiver_utc.control.utc_step import Recovery
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,7 @@ class UnscentedTransformController:
         point is the sigma point, control that of the step before (for j = 0 the one now applied) and preview[j] the
         reference at step j; U^i of eq:xpred is then the control on the first step. None: the sigma point is held
     leak: share of Pu that is forgotten after each step, so that directions no output sees settle at Qu / leak
+    square_root: keep a factor S of Pu = S S' and move that on; Qu should then have no negative eigenvalues
     covariance_floor: smallest eigenvalue that the repair of Pu leaves; None: 1e-9 of the largest initial variance
     """
 
@@ -56,6 +58,7 @@ class UnscentedTransformController:
         Qu_ratio: float = 0.1,
         control_dynamics: ControlDynamics | None = None,
         leak: float = 0.0,
+        square_root: bool = False,
         covariance_floor: float | None = None,
     ) -> None:
         start = np.atleast_1d(arguments.numbers("state", state))
@@ -90,6 +93,7 @@ class UnscentedTransformController:
             arguments.number("W0", W0, below=1.0),
             covariance_floor=floor,
             leak=arguments.number("leak", leak, least=0.0, below=1.0),
+            square_root=square_root,
         )
         points = np.tile(self._initial_control, (2 * m + 1, 1))
         roll_out.check(
@@ -135,7 +139,7 @@ class UnscentedTransformController:
 
         A state or reference that is not finite keeps the control; a wrong shape is an error.
         """
-        before = self._law.control
+        before = self.control
         x = arguments.exactly("state", np.atleast_1d(np.asarray(state, dtype=float)), (self._n,))
         preview = self._preview(reference)
         noise = self._Qu if Qu is None else arguments.covariance("Qu", Qu, len(before), "controls")
@@ -155,6 +159,7 @@ class UnscentedTransformController:
             covariance=self.Pu,
             repaired=step.repaired,
             lost=step.lost,
+            recovery=step.recovery,
             status=step.status,
             limited=limits_met(step.control, before, *self._limits),
             reason=reason,
@@ -185,6 +190,7 @@ class UnscentedTransformController:
             covariance=self.Pu,
             repaired=0.0,
             lost=0,
+            recovery=Recovery.NONE,
             status=Status.KEPT_PREVIOUS,
             limited=(),
             reason=reason,

@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -18,6 +19,7 @@ from std_msgs.msg import String
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
+from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.messages import SETPOINT_AXES
 from skydiver_utc.nodes.polled import Polled
 from skydiver_utc.nodes.scenario_node import ScenarioNode
@@ -49,6 +51,9 @@ class _Channel:
     topic: Topic
     subscription: Subscription
     id: int
+    latched: deque[
+        "_Message"
+    ]  # what a late listener would still get, of those that came while nothing is recorded
     count: int = 0
 
 
@@ -64,63 +69,132 @@ class RecorderNode(ScenarioNode):
 
     It has finished when it has heard a flight's outcome. A recording that cannot go on, on a full disk, never stops
     a flight: `failure` says why, the messages are dropped, and the exit code is 1.
+
+    Configured it has an open bag; active it records; inactive it counts in `not_recorded` what it lets pass.
     """
 
     def __init__(self, context: Context | None = None, overrides: Mapping[str, object] | None = None) -> None:
         super().__init__("recorder", context, overrides)
+        self.folder = Path()
+        self.failure = ""
+        self.not_recorded = 0
+        self._bag: BagWriter | None = None
+        self._channels: dict[Topic, _Channel] = {}
+        self._wrong_types: set[tuple[str, str]] = set()
+        self._ready = self.advertise(topics.RECORDER_READY)
+        self._told_ready = True  # nothing is to be told before the recording begins
+        self.every(_POLL_S, self._drain_each_poll)
+        self.every(_PATIENCE_S, self._say_what_is_missing)
+        self.start_unless_managed()
+
+    def configure(self) -> None:
+        """Open a new bag with every topic."""
+        super().configure()
         self.folder = Path(str(self.own["bag_folder"]) or self._default_folder())
         self._started_at_ns = time.time_ns()
         self._flight_states: int | None = None  # how many the plant sent, told by its outcome
         self._now_ns = self.scenario.stamp_ns(0)
-        self.failure = ""
+        self.failure, self.not_recorded, self.done = "", 0, False
         self._disk_is_slow = False
-        self._wrong_types: set[tuple[str, str]] = set()
         self._bag = BagWriter(self.folder, _FLUSH_INTERVAL_S, _MOST_WAITING_BYTES)
-        self._write_beside("scenario.yaml", to_yaml(self.scenario))
-        self._write_beside("versions.json", json.dumps(versions(), indent=2) + "\n")
+        try:
+            self._write_beside("scenario.yaml", to_yaml(self.scenario))
+            self._write_beside("versions.json", json.dumps(versions(), indent=2) + "\n")
+        except RecordingError:
+            self._bag.close()
+            self._bag = None
+            raise
         group = Polled()
-        self._channels = {topic: self._open_channel(topic, group) for topic in RECORDED}
-        self._ready = self.advertise(topics.RECORDER_READY)
-        self._told_ready = False
-        self._poll = self.every(_POLL_S, self._drain_each_poll)
-        self._startup = self.every(_POLL_S, self._tell_when_ready)
-        self.every(_PATIENCE_S, self._say_what_is_missing)
+        self._channels = {topic: self._open_channel(self._bag, topic, group) for topic in RECORDED}
         self.get_logger().info(f"recording into {self.folder}")
+
+    def activate(self) -> None:
+        """Record from now on, first what is latched; tell so when every topic is heard."""
+        if self.not_recorded:
+            self.get_logger().warning(f"{self.not_recorded} messages were sent while this node was inactive")
+        for channel in self._channels.values():
+            self._record(list(channel.latched))
+            channel.latched.clear()
+        self._told_ready = False
+
+    def deactivate(self) -> None:
+        """Record what was sent up to now, then let pass what comes."""
+        self.drain()
+        self._told_ready = True
+
+    def cleanup(self) -> None:
+        """End the bag, and be ready for another one."""
+        self._end_bag()
+
+    def shutdown(self) -> None:
+        """End the bag, of a whole flight with all of its messages."""
+        self._end_recording()
+
+    def health(self) -> Health:
+        """Where the recording goes and what is not in it."""
+        written = sum(channel.count for channel in self._channels.values())
+        values = {"folder": self.folder, "recorded": written, "not_recorded": self.not_recorded}
+        return Health(Level.ERROR if self.failure else Level.OK, self.failure or "recording", values)
 
     def drain(self) -> int:
         """Write everything that came since the last call; returns how many messages that was."""
-        messages: list[_Message] = []
-        for channel in self._channels.values():
-            messages.extend(self._take_all(channel))
+        messages = [message for channel in self._channels.values() for message in self._take_all(channel)]
         messages.sort(key=lambda message: message.log_time_ns)
+        self._record(messages)
+        return len(messages)
+
+    def close(self) -> int:
+        """Write what is still on its way, of a whole flight all of it, and end the bag."""
+        self._end_recording()
+        return super().close() or (1 if self.failure else 0)
+
+    def _end_recording(self) -> None:
+        try:
+            if self.active:
+                self._drain_the_rest()
+        finally:
+            self._end_bag()
+
+    def _end_bag(self) -> None:
+        """Close the bag, say what it lacks, and listen no more; nothing where there is none."""
+        if self._bag is None:
+            return
+        bag, self._bag = self._bag, None
+        try:
+            bag.close()
+        except RecordingError as error:
+            self._fail(error)
+        for sentence in self.missing():
+            self.get_logger().warning(sentence)
+        if self.not_recorded:
+            self.get_logger().warning(f"{self.not_recorded} messages were sent while this node was inactive")
+        if bag.dropped:
+            self.get_logger().error(f"the disk was too slow: {bag.dropped} messages are not in the bag")
+        if self.failure:
+            self.get_logger().error(self.failure)
+        else:
+            written = sum(channel.count for channel in self._channels.values())
+            self.get_logger().info(f"recorded {written} messages into {self.folder}")
+        for channel in self._channels.values():
+            self.destroy_subscription(channel.subscription)
+        self._channels = {}
+
+    def _let_pass(self) -> None:
+        """Take what has come and do not record it."""
+        for channel in self._channels.values():
+            messages = self._take_all(channel)
+            channel.latched.extend(messages)
+            self.not_recorded += 0 if channel.topic.latched else len(messages)
+
+    def _record(self, messages: list[_Message]) -> None:
         if not self.failure:
             try:
                 self._write(messages)
             except RecordingError as error:
                 self._fail(error)
-        return len(messages)
-
-    def close(self) -> int:
-        """Write what is still on its way, of a whole flight all of it, and end the bag."""
-        try:
-            self._drain_the_rest()
-        finally:
-            try:
-                self._bag.close()
-            except RecordingError as error:
-                self._fail(error)
-        for sentence in self.missing():
-            self.get_logger().warning(sentence)
-        if self._bag.dropped:
-            self.get_logger().error(f"the disk was too slow: {self._bag.dropped} messages are not in the bag")
-        if self.failure:
-            self.get_logger().error(self.failure)
-            return super().close() or 1
-        written = sum(channel.count for channel in self._channels.values())
-        self.get_logger().info(f"recorded {written} messages into {self.folder}")
-        return super().close()
 
     def _write(self, messages: list[_Message]) -> None:
+        assert self._bag is not None
         by_id = {channel.id: channel for channel in self._channels.values()}
         for message in messages:
             channel_id, data = message.channel_id, message.data
@@ -161,7 +235,14 @@ class RecorderNode(ScenarioNode):
         ]
 
     def _drain_each_poll(self) -> None:
+        if self._bag is None:
+            return
+        if not self.active:
+            self._let_pass()
+            return
         self.drain()
+        if not self._told_ready:
+            self._tell_when_ready()
         slow = self._bag.behind_s > _SLOW_DISK_S and not self.failure
         if slow and not self._disk_is_slow:
             size = self._bag.waiting_bytes / 1024**2
@@ -188,7 +269,7 @@ class RecorderNode(ScenarioNode):
     def _note_outcome(self, message: _Message) -> None:
         """The outcome ends the recording, unless it is one still latched from an earlier flight."""
         if message.publish_time_ns >= self._started_at_ns:
-            self.finished = True
+            self.done = True
             try:
                 outcome = json.loads(deserialize_message(message.data, String).data)
                 self._flight_states = int(outcome["states"])
@@ -211,7 +292,7 @@ class RecorderNode(ScenarioNode):
         self._now_ns = max(self._now_ns, stamp_ns)
         return stamp_ns
 
-    def _open_channel(self, topic: Topic, group: CallbackGroup) -> _Channel:
+    def _open_channel(self, bag: BagWriter, topic: Topic, group: CallbackGroup) -> _Channel:
         qos = QoSProfile(depth=_DEPTH, reliability=topic.qos.reliability, durability=topic.qos.durability)
         subscription = self.create_subscription(
             topic.type, topic.name, lambda _: None, qos, callback_group=group, raw=True
@@ -219,18 +300,19 @@ class RecorderNode(ScenarioNode):
         schema = message_schema(topic.type_name)
         offered = yaml.safe_dump([rosbag2_qos(topic.qos)], sort_keys=False)
         name = subscription.topic_name
-        channel_id = self._bag.add_topic(name, topic.type_name, schema.text, schema.type_hash, offered)
-        return _Channel(topic, subscription, channel_id)
+        channel_id = bag.add_topic(name, topic.type_name, schema.text, schema.type_hash, offered)
+        return _Channel(
+            topic, subscription, channel_id, deque(maxlen=topic.qos.depth if topic.latched else 0)
+        )
 
     def _tell_when_ready(self) -> None:
         if not self._unheard():
-            self.destroy_timer(self._startup)
             self._told_ready = True
             self._ready.publish(String(data=str(self.folder)))
             self.get_logger().info("ready")
 
     def _say_what_is_missing(self) -> None:
-        if not self._told_ready and (unheard := self._unheard()):
+        if self.active and not self._told_ready and (unheard := self._unheard()):
             self.get_logger().warning(f"waiting for publishers of {', '.join(unheard)}")
         for topic, channel in self._channels.items():
             for publisher in self.get_publishers_info_by_topic(channel.subscription.topic_name):

@@ -105,6 +105,11 @@ class ClockFollower:
         self.leave()
         done()
 
+    def reset(self) -> None:
+        """Be ready for another flight."""
+        self.k, self._trouble = -1, ""
+        self._awaited = Awaited(self._awaited.namespace, -1)
+
     def leave(self) -> None:
         """Say that nothing is waited for any more."""
         self._awaited = Awaited(self._awaited.namespace, self._awaited.step, ended=True)

@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from rclpy.node import Node
+from rclpy.timer import Timer
 from std_msgs.msg import String
 
 from skydiver_utc.nodes import topics
@@ -42,6 +44,7 @@ class ClockLeader:
         self._shown_at = time.monotonic()
         self._due: Callable[[], int] | None = None
         self._done: Callable[[], None] | None = None
+        self._timer: Timer | None = None
         node.listen(topics.CLOCK_SOURCE, self.on_source)
         node.listen(topics.CLOCK_AWAITED, self.on_awaited)
         node.every(self._patience_s / SIGNS_OF_LIFE, self._look_after_followers)
@@ -122,10 +125,21 @@ class ClockLeader:
         if self.k < 0:
             self.leave()
         elif due is not None and self._flying():
-            self._node.every(self._node.scenario.dt_s, self._goes_on)
+            self._timer = self._node.every(self._node.scenario.dt_s, self._goes_on)
         if self._flying() and self.k >= 0:
             self._node.get_logger().info(f"the clock goes on for {', '.join(self._flying())}")
         self._goes_on()
+
+    def reset(self) -> None:
+        """Be ready for another flight."""
+        self.k, self._due, self._done = -1, None, None
+        self._followers.clear()
+        self._end_timer()
+
+    def _end_timer(self) -> None:
+        if self._timer is not None:
+            self._node.destroy_timer(self._timer)
+            self._timer = None
 
     def leave(self) -> None:
         """Show no further step, and say so."""
@@ -144,6 +158,7 @@ class ClockLeader:
             self.show(self.k + 1)
         if not self._flying():
             done, self._done = self._done, lambda: None
+            self._end_timer()
             done()
 
     def _look_after_followers(self) -> None:
@@ -167,3 +182,12 @@ class ClockLeader:
         grid, mode = self._node.grid, self._node.own["mode"]
         source = ClockSource(self._claim, self._node.get_namespace(), mode, grid.dt_ns, grid.epoch_ns, ended)
         self._sources.publish(String(data=write(source)))
+
+
+def too_many_clocks(node: Node) -> str:
+    """Who publishes `/clock`, in words, where that is more than one, a player included; else empty."""
+    publishers = node.get_publishers_info_by_topic(topics.CLOCK.name)
+    if len(publishers) < 2:
+        return ""
+    names = sorted(f"{of.node_namespace.rstrip('/')}/{of.node_name}" for of in publishers)
+    return f"{len(names)} publishers of /clock ({', '.join(names)}): there must be one"

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from rclpy.context import Context
 from rclpy.subscription import Subscription
+from rclpy.timer import Timer
 
-from skydiver_utc.control.protocol import Status
+from skydiver_utc.control.protocol import Controller, Status
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.diagnostics import Health, Level, Rate
@@ -17,6 +18,7 @@ from skydiver_utc.nodes.polled import take_all
 from skydiver_utc.nodes.presence import State
 from skydiver_utc.nodes.preview import PreviewStore, read_preview
 from skydiver_utc.nodes.scenario_node import ScenarioNode
+from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.plant.skydiver import CONTROL_NAMES
 from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
 
@@ -36,6 +38,8 @@ class ControllerNode(ScenarioNode):
     `answered` is the step of the last command, -1 before the first. A controller that comes into a flight which
     has begun without it, or has missed much of it, first hears from `applied_command` what the plant holds and
     goes on from there; after `rejoin_wait_s` it begins from the scenario's initial control.
+
+    Configured it is compiled; inactive it answers nothing, and takes in the reference all the same.
     """
 
     def __init__(self, context: Context | None = None, overrides: Mapping[str, object] | None = None) -> None:
@@ -43,26 +47,68 @@ class ControllerNode(ScenarioNode):
         self.answered = -1
         self.passed_over = 0  # states in real time that a newer one had followed already
         self._newest_only = self.own["mode"] == "real_time"
-        self._controller = build_controller(self.scenario, self.own["delay_steps"])
-        self._needs = self._controller.preview_steps + 1
-        self._compile()
+        self._planned = self.scenario.preview_steps  # what the reference node, too, was started for
+        self._some_state = build_plant(self.scenario).initial_state()
         self._preview = PreviewStore()
         self._pending: tuple[int, Vector] | None = None
         self._states: Subscription | None = None
         self._held: Subscription | None = None  # applied_command, while this node comes into a flight
+        self._startup: Timer | None = None
         self._asked_at = self._answered_at = time.monotonic()
         self._status, self._slowest_s, self._rate = Status.SOLVED, 0.0, Rate()
         self._gap_steps = round(_LONGEST_GAP_S / self.scenario.dt_s)
-        telemetry_names = (*self._controller.telemetry_names, "solve_time", "status")
         self._write_command = NamedValuesWriter(self.grid, CONTROL_NAMES).fill
-        self._write_telemetry = NamedValuesWriter(self.grid, telemetry_names).fill
         self._command = np.zeros(len(CONTROL_NAMES))
+        self._began_from: Vector | None = None
+        self._begins = False  # anew at the next decision, from `_began_from`, None: the initial control
         self._commands = self.advertise(topics.COMMAND)
         self._telemetry = self.advertise(topics.TELEMETRY)
         self.listen(topics.REFERENCE_PREVIEW, self.on_reference)
-        self._startup = self.every(_STARTUP_POLL_S, self._listen_when_ready)
         self.every(_REJOIN_POLL_S, self._begin_cold_when_nothing_is_heard)
         self.every(_PATIENCE_S, self._say_what_is_missing)
+        self.start_unless_managed()
+
+    def configure(self) -> None:
+        """A new controller at a flight's beginning, compiled."""
+        super().configure()
+        self._use(self.rebuilt(self.scenario))
+        self._begin_anew(None)
+        telemetry_names = (*self._controller.telemetry_names, "solve_time", "status")
+        self._write_telemetry = NamedValuesWriter(self.grid, telemetry_names).fill
+
+    def activate(self) -> None:
+        """Listen to the state as soon as it can be answered."""
+        self._startup = self.every(_STARTUP_POLL_S, self._listen_when_ready)
+
+    def deactivate(self) -> None:
+        """Stop listening to the state; the controller's memory is kept."""
+        self._end_startup()
+        self._end_rejoin()
+        self._pending = None
+        if self._states is not None:
+            self.destroy_subscription(self._states)
+            self._states = None
+
+    def cleanup(self) -> None:
+        """Forget the flight."""
+        self.answered = -1
+
+    def shutdown(self) -> None:
+        """Answer nothing more."""
+        self.deactivate()
+
+    def rebuilt(self, scenario: Scenario) -> Controller:
+        """The controller of this scenario; it has decided once, so that no flight waits for the compiler."""
+        delay_steps = self.own["delay_steps"]
+        needs = scenario.preview_steps + delay_steps
+        if needs > (most := self._served()):
+            raise ParameterError(
+                f"the controller would look {needs} steps ahead, the present reference serves {most}: set less, or"
+                " start the nodes with it, or the reference node with larger chunk_steps"
+            )
+        controller = build_controller(scenario, delay_steps)
+        controller.decide(self._some_state, build_reference(scenario).preview(0, needs + 1))
+        return controller
 
     def on_reference(self, message: Any) -> None:
         """Keep a chunk of the reference; answer the state that waited for it."""
@@ -95,7 +141,7 @@ class ControllerNode(ScenarioNode):
             self.answered = -1
         if k == 0 and self.answered > 0:
             self.get_logger().info("a new flight begins")
-            self._controller.reset()
+            self._begin_anew(None)
             self.answered = -1
             self._end_rejoin()
         if k < self.scenario.steps:
@@ -131,7 +177,7 @@ class ControllerNode(ScenarioNode):
             self.refusals.add(topics.APPLIED_COMMAND.name, error)
             return
         self.get_logger().info(f"goes on from the command applied at step {k}")
-        self._controller.resume(control)
+        self._begin_anew(control)
         self._end_rejoin()
         self._answer_pending()
 
@@ -160,10 +206,14 @@ class ControllerNode(ScenarioNode):
         if self._pending is None or self._held is not None:
             return
         k, state = self._pending
+        if self.live.coming is not None:
+            self._change_controller()
         preview = self._preview.window(k, self._needs)
         if preview is None:
             return
         self._pending = None
+        if self._begins:
+            self._tell_beginning(k)
         began_ns = time.perf_counter_ns()
         decision = self._controller.decide(state, preview)
         solve_time_s = (time.perf_counter_ns() - began_ns) * 1e-9
@@ -176,12 +226,36 @@ class ControllerNode(ScenarioNode):
         values = np.append(decision.telemetry, (solve_time_s, float(decision.status)))
         self._telemetry.publish(self._write_telemetry(k, values))
 
-    def _compile(self) -> None:
-        """Decide once with a controller that is thrown away, so that no flight waits for the compiler."""
-        preview = build_reference(self.scenario).preview(0, self._needs)
-        build_controller(self.scenario, self.own["delay_steps"]).decide(
-            build_plant(self.scenario).initial_state(), preview
-        )
+    def _use(self, controller: Controller) -> None:
+        self._controller = controller
+        self._needs = controller.preview_steps + 1
+
+    def _begin_anew(self, control: Vector | None) -> None:
+        """From this control, the initial one without; it is told with the next decision."""
+        if control is None:
+            self._controller.reset()
+        else:
+            self._controller.resume(control)
+        self._began_from, self._begins = control, True
+
+    def _change_controller(self) -> None:
+        """Another controller in the place of this one: it goes on from the command decided last."""
+        self._use(self.take_change())
+        in_flight = None if self.answered < 0 else self._command
+        self._begin_anew(self._began_from if self._begins else in_flight)
+
+    def _tell_beginning(self, k: int) -> None:
+        self._begins = False
+        if k > 0 or self.live.changed:
+            self.tell_change(k, None if self._began_from is None else self._began_from.tolist())
+
+    def _served(self) -> int:
+        """Steps ahead that every decision finds in the previews, besides those that were planned at the start.
+
+        A chunk has `planned` + 2 chunk_steps + 1 steps, and the next one comes chunk_steps later.
+        """
+        chunk_steps = (self._preview.chunk - 1 - self._planned) // 2
+        return self._planned + max(int(self.own["delay_steps"]), chunk_steps)
 
     def _rejoin(self, k: int) -> None:
         """Listen to what the plant holds: it says so at each step, and again whenever it sends a state again."""
@@ -198,16 +272,21 @@ class ControllerNode(ScenarioNode):
         if self._held is None or time.monotonic() - self._asked_at < self.own["rejoin_wait_s"]:
             return
         self.get_logger().warning("nothing is heard of the applied command: begins from the initial control")
-        self._controller.reset()
+        self._begin_anew(None)
         self._end_rejoin()
         self._answer_pending()
 
     def _listen_when_ready(self) -> None:
         if self._preview.count >= self._needs and not self.unmatched():
-            self.destroy_timer(self._startup)
+            self._end_startup()
             qos = topics.NEWEST if self._newest_only else None
             self._states = self.listen(topics.STATE, self.on_state, qos=qos)
             self.get_logger().info("ready")
+
+    def _end_startup(self) -> None:
+        if self._startup is not None:
+            self.destroy_timer(self._startup)
+            self._startup = None
 
     def _waits_for(self) -> str:
         """What an answer waits for, in words; empty when it waits for nothing."""
@@ -230,11 +309,11 @@ class ControllerNode(ScenarioNode):
         if in_flight and (silent_s > _PATIENCE_S or plant.state is State.DIED):
             return (
                 f"no new state after step {self.answered} for {silent_s:.1f} s:"
-                f" {plant.sentence() or 'the plant has stopped or died'};"
+                f" {plant.sentence() or 'the plant is paused, has stopped or died'};"
                 " waiting for a state, of this flight or of a new one"
             )
         return ""
 
     def _say_what_is_missing(self) -> None:
-        if waits_for := self._waits_for():
+        if self.active and (waits_for := self._waits_for()):
             self.get_logger().warning(waits_for)

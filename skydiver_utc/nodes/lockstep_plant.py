@@ -14,15 +14,16 @@ from std_msgs.msg import String
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.clock_follower import ClockFollower
-from skydiver_utc.nodes.clock_leader import ClockLeader
+from skydiver_utc.nodes.clock_leader import ClockLeader, too_many_clocks
 from skydiver_utc.nodes.diagnostics import Health, Level, Rate
+from skydiver_utc.nodes.managed import TransitionError
 from skydiver_utc.nodes.messages import NamedValuesWriter, StateWriter, Vector, read_named_values
 from skydiver_utc.nodes.polled import Polled, take_all
 from skydiver_utc.nodes.presence import State
 from skydiver_utc.nodes.real_time_pace import Answer, RealTimePace
 from skydiver_utc.nodes.scenario_node import ScenarioNode
-from skydiver_utc.parameters import to_yaml
-from skydiver_utc.plant.skydiver import CONTROL_NAMES
+from skydiver_utc.parameters import Scenario, to_yaml
+from skydiver_utc.plant.skydiver import CONTROL_NAMES, SkydiverPlant
 from skydiver_utc.simulation.build import build_plant
 from skydiver_utc.simulation.outcome import Outcome, OutcomeMonitor
 
@@ -41,6 +42,8 @@ class PlantNode(ScenarioNode):
 
     `k` is the step whose state was published last, -1 before the flight. In real time it waits for command 0 only
     and then steps by the clock (`RealTimePace`); commands are drained at each tick, not by the executor.
+
+    Configured it has a body at step 0; active it flies; inactive in lockstep it stands still between two steps.
     """
 
     def __init__(self, context: Context | None = None, overrides: Mapping[str, object] | None = None) -> None:
@@ -48,28 +51,80 @@ class PlantNode(ScenarioNode):
         self.k = -1
         self.retries = 0
         self.sent_again = 0
-        self.over = False  # the flight; its clock may go on for others
         self._rate = Rate()
-        self._tick: Timer | None = None
-        self._plant = build_plant(self.scenario)
+        self._timers_of_flight: list[Timer] = []
         self._monitor = OutcomeMonitor(self.scenario)
-        self._state = self._plant.initial_state()
-        self._applied = self._plant.initial_applied()
-        self._compile()
-        self._create_writers()
         self._create_publishers()
-        self._ready: Vector | None = None  # the command of a step that waits for its time
+        self._keeps_time = False  # the flight is done, its clock goes on for others
         self._time = self._create_time()
         self._recorder_ready = not self.own["wait_for_recorder"]
         self.listen(topics.RECORDER_READY, self.on_recorder_ready)
-        self._real_time = self._create_pace() if self.own["mode"] == "real_time" else None
-        polled, qos = (Polled(), topics.NEWEST) if self._real_time else (None, None)
+        self._by_the_clock = self.own["mode"] == "real_time"
+        self._real_time: RealTimePace | None = None
+        polled, qos = (Polled(), topics.NEWEST) if self._by_the_clock else (None, None)
         self._commands = self.listen(topics.COMMAND, self.on_command, polled, qos)
-        self._began_at = time.monotonic()
-        self._startup = self.every(_STARTUP_POLL_S, self._begin_when_heard)
-        self._patience = self.every(_PATIENCE_S, self._say_what_is_missing)
+        self.start_unless_managed()
+
+    def configure(self) -> None:
+        """A new body at the scenario's beginning, compiled."""
+        super().configure()
+        self._plant = self.rebuilt(self.scenario)
+        self._monitor = OutcomeMonitor(self.scenario)
+        self._state = self._plant.initial_state()
+        self._applied = self._plant.initial_applied()
+        self._ready: Vector | None = None  # the command of a step that waits for its time, or in a pause
+        self._create_writers()
+        self._real_time = self._create_pace() if self._by_the_clock else None
+        self._scenarios.publish(String(data=to_yaml(self.scenario)))
         mode = "real time" if self._real_time else "lockstep"
         self.get_logger().info(f"{self.scenario.steps} steps of {self.scenario.dt_s * 1e3:g} ms in {mode}")
+
+    def activate(self) -> None:
+        """Begin as soon as all others are there; after a pause step on the command that came in it."""
+        if self.done:
+            raise TransitionError("the flight is over: clean up and configure for another one")
+        now = time.monotonic()
+        if self.k < 0:
+            self._began_at = now
+            self._timers_of_flight = [
+                self.every(_STARTUP_POLL_S, self._begin_when_heard),
+                self.every(_PATIENCE_S, self._say_what_is_missing),
+            ]
+            return
+        self.retries, self._published_at = 0, now
+        self._step_when_it_is_time()
+
+    def deactivate(self) -> None:
+        """Pause between two steps; a flight in real time cannot."""
+        if self._real_time is not None and self._real_time.begun and not self.done:
+            raise TransitionError("a flight in real time cannot pause: shut the plant down to end it")
+        if self.k < 0:
+            self._end_timers()
+
+    def cleanup(self) -> None:
+        """End a flight that is paused, and be ready for another one."""
+        if self.k >= 0:
+            self._abort("cleaned up")
+        self.k, self.retries, self.sent_again, self.done = -1, 0, 0, False
+        self._time.reset()
+        self._keeps_time = False
+
+    def shutdown(self) -> None:
+        """End a flight that goes on."""
+        self._abort("shut down")
+        self._time.leave()
+
+    def rebuilt(self, scenario: Scenario) -> SkydiverPlant:
+        """The plant of this scenario; it has stepped once, so that no flight waits for the compiler."""
+        plant = build_plant(scenario)
+        applied = plant.initial_applied()
+        plant.step(plant.initial_state(), applied, plant.actuate(applied[:4], applied))
+        return plant
+
+    @property
+    def finished(self) -> bool:
+        """True when the process may end: not while its clock goes on for others."""
+        return super().finished and (bool(self.refused) or self.shut_down or not self._keeps_time)
 
     @property
     def outcome(self) -> Outcome:
@@ -100,13 +155,13 @@ class PlantNode(ScenarioNode):
         }
         if self._real_time is not None and self._real_time.begun:
             values |= {**self._real_time.accounts.told(), "late_steps": self._real_time.late_steps}
-        if self.over:
+        if self.done:
             level = Level.OK if self.outcome in _EXIT_ZERO else Level.ERROR
             return Health(level, f"{self.outcome.value}: {self.reason}", values)
         if commanders > 1 or plants > 1:
             sentence = f"{commanders} publishers of command and {plants} of state: there must be one of each"
             return Health(Level.ERROR, sentence, values)
-        if clocks := self._clocks_too_many():
+        if clocks := too_many_clocks(self):
             return Health(Level.ERROR, clocks, values)
         if self.k < 0:
             return Health(Level.OK, f"waiting: there is {' and '.join(self._missing()) or 'all'}", values)
@@ -128,7 +183,7 @@ class PlantNode(ScenarioNode):
 
     def on_command(self, message: Any) -> None:
         """Step if this command answers the state published last; count it otherwise."""
-        if self.over or self.finished:
+        if self.done:
             return
         answer = self._read_answer(message)
         if answer is None:
@@ -139,7 +194,8 @@ class PlantNode(ScenarioNode):
             self.refusals.counts["repeated"] += 1
             return
         self._ready = command
-        self._step_when_it_is_time()
+        if self.active:
+            self._step_when_it_is_time()
 
     def _step_when_it_is_time(self) -> None:
         if self._ready is not None and self._time.await_step(self.k + 1):
@@ -148,14 +204,14 @@ class PlantNode(ScenarioNode):
 
     def _time_moved(self) -> None:
         """The clock, or a plant that follows it, has told something new."""
-        if self.over or self.k < 0:
+        if self.done or self.k < 0:
             return
         if trouble := self._time.trouble():
             self._monitor.end(Outcome.NO_CLOCK, trouble)
             self._finish()
         elif self._real_time is not None:
             self.tick()
-        else:
+        elif self.active:
             self._step_when_it_is_time()
 
     def _read_answer(self, message: Any) -> Answer | None:
@@ -171,15 +227,16 @@ class PlantNode(ScenarioNode):
 
     def tick(self) -> None:
         """Real time: take the commands that have come, step as often as is due."""
-        if self.over or self.finished or self._real_time is None:
+        if self.done or not self.active or self._real_time is None:
             return
         answers = [answer for message in take_all(self._commands) if (answer := self._read_answer(message))]
         waited = not self._real_time.begun
         self._real_time.tick(answers, lambda: self._time.may_begin_by_the_clock(1))
-        if waited and self._real_time.begun and not self.over:
-            self.destroy_timer(self._tick)
-            # In phase with the deadlines: the timer so far may wake up just before each of them.
-            self._tick = None if self._follows else self._tick_each_step()
+        if waited and self._real_time.begun and not self.done:
+            self.destroy_timer(self._timers_of_flight.pop())
+            if not self._follows:
+                # In phase with the deadlines: the timer so far may wake up just before each of them.
+                self._timers_of_flight.append(self._tick_each_step())
             self._time.await_step(1)
 
     @property
@@ -214,16 +271,13 @@ class PlantNode(ScenarioNode):
 
     def _step_in_real_time(self, command: Vector) -> bool:
         self._step(command)
-        return not self.over
+        return not self.done
 
     def close(self) -> int:
         """End a flight that still goes on, then wait until the listeners have everything."""
         if self.refused:
             return super().close()
-        if not self.over:
-            when = "before the flight began" if self.k < 0 else f"at step {self.k}"
-            self._monitor.end(Outcome.ABORTED, f"stopped by a signal {when}")
-            self._finish()
+        self._abort("stopped by a signal")
         self._time.leave()
         deadline = time.monotonic() + _LAST_ACKNOWLEDGEMENT_S
         for topic, publisher in self._advertised.items():
@@ -232,9 +286,12 @@ class PlantNode(ScenarioNode):
                 self.get_logger().warning(f"a listener of {topic.name} did not acknowledge everything")
         return super().close() or (0 if self.outcome in _EXIT_ZERO else 1)
 
-    def _compile(self) -> None:
-        """Step once and forget it, so that no flight waits for the compiler."""
-        self._plant.step(self._state, self._applied, self._plant.actuate(self._applied[:4], self._applied))
+    def _abort(self, how: str) -> None:
+        """End a flight that has not ended."""
+        if not self.done:
+            when = "before the flight began" if self.k < 0 else f"at step {self.k}"
+            self._monitor.end(Outcome.ABORTED, f"{how} {when}")
+            self._finish()
 
     def _create_writers(self) -> None:
         self._write_state = StateWriter(self.grid).fill
@@ -249,10 +306,9 @@ class PlantNode(ScenarioNode):
         self._joints = self.advertise(topics.JOINT_STATES)
         self._outcomes = self.advertise(topics.OUTCOME)
         self._scenarios = self.advertise(topics.SCENARIO)
-        self._scenarios.publish(String(data=to_yaml(self.scenario)))
 
     def _begin_when_heard(self) -> None:
-        if self.over or self.finished:
+        if self.done:
             return
         missing = self._missing()
         if not missing and self._time.await_step(0):
@@ -280,14 +336,6 @@ class PlantNode(ScenarioNode):
             missing.append("no controller that listens to state")
         return missing + self._time.missing()
 
-    def _clocks_too_many(self) -> str:
-        """Who publishes `/clock`, in words, where that is more than one; a player does, too."""
-        publishers = self.get_publishers_info_by_topic(topics.CLOCK.name)
-        if len(publishers) < 2:
-            return ""
-        names = sorted(f"{of.node_namespace.rstrip('/')}/{of.node_name}" for of in publishers)
-        return f"{len(names)} publishers of /clock ({', '.join(names)}): there must be one"
-
     def _controller_listens(self) -> bool:
         """True when some node that publishes commands listens to the state, not only some spectator."""
         commanders = self.get_publishers_info_by_topic(self._commands.topic_name)
@@ -296,15 +344,14 @@ class PlantNode(ScenarioNode):
         return any((node.node_namespace, node.node_name) in names for node in listeners)
 
     def _begin(self) -> None:
-        self._end_startup()
+        self._end_timers()
         self.serve()
         if self._roll_call is not None:
             self._time.serve(self._roll_call.claim)
         self.k = 0
-        timeout_s = self.own["command_timeout_s"]
-        self._watch = self.every(timeout_s / 4, self._watch_command)
+        self._timers_of_flight = [self.every(self.own["command_timeout_s"] / 4, self._watch_command)]
         if self._real_time is not None:
-            self._tick = self._tick_each_step()
+            self._timers_of_flight.append(self._tick_each_step())
         self._began_at = time.monotonic()
         goes_on = self._monitor.observe(0, self._state)
         self._publish_state()
@@ -312,6 +359,9 @@ class PlantNode(ScenarioNode):
             self._finish()
 
     def _step(self, command: Vector) -> None:
+        if self.live.coming is not None:
+            self._plant = self.take_change()
+            self.tell_change(self.k)
         before, self._applied = self._applied, self._plant.actuate(command, self._applied)
         self._state = self._plant.step(self._state, before, self._applied)
         goes_on = self._monitor.observe(self.k + 1, self._state)
@@ -343,7 +393,7 @@ class PlantNode(ScenarioNode):
         if self._time.trouble():
             self._time_moved()
         answered = by_the_clock or self._ready is not None
-        if self.over or answered or time.monotonic() - self._published_at < timeout_s:
+        if self.done or not self.active or answered or time.monotonic() - self._published_at < timeout_s:
             return
         if self.retries == self.own["command_retries"]:
             last = f"; the last message refused was on {self.refusals.last}" if self.refusals.last else ""
@@ -361,23 +411,20 @@ class PlantNode(ScenarioNode):
         self._publish_state()
 
     def _finish(self) -> None:
-        self.over = True
+        self.done = True
         wall_time_s = time.monotonic() - self._began_at if self.k >= 0 else 0.0
-        self._end_startup()
-        if self.k >= 0:
-            self.destroy_timer(self._watch)
-            if self._tick is not None:
-                self.destroy_timer(self._tick)
+        self._end_timers()
         report = self._outcome_report(wall_time_s)
         self._outcomes.publish(String(data=json.dumps(report)))
         self.get_logger().info(f"{self.outcome.value}: {self.reason} ({wall_time_s:.2f} s)")
         if self.own["progress"]:
             self._report(report)
         begun = self._real_time is not None and self._real_time.begun
+        self._keeps_time = True
         self._time.end(self._leave, self._real_time.due_step if self._real_time and begun else None)
 
     def _leave(self) -> None:
-        self.finished = True
+        self._keeps_time = False
 
     def _outcome_report(self, wall_time_s: float) -> dict[str, object]:
         """What the outcome says; in real time with the account of every step."""
@@ -391,9 +438,10 @@ class PlantNode(ScenarioNode):
             report = {"outcome": self.outcome.value, "reason": self.reason, "real_time": pace.told()}
         return report | {"wall_time_s": wall_time_s, "states": self.k + 1}
 
-    def _end_startup(self) -> None:
-        self.destroy_timer(self._startup)
-        self.destroy_timer(self._patience)
+    def _end_timers(self) -> None:
+        for timer in self._timers_of_flight:
+            self.destroy_timer(timer)
+        self._timers_of_flight = []
 
     def _report(self, line: dict[str, object]) -> None:
         """One line on stdout; the flight goes on when nobody reads it any more."""

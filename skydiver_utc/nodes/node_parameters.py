@@ -28,6 +28,12 @@ def _own(
 
 
 _SCENARIO = _own("scenario", _DEFAULT_SCENARIO, "", "name of a scenario, or path of its YAML file")
+_AUTOSTART = _own(
+    "autostart",
+    True,
+    "",
+    "configure and activate at the start, and end after the flight; false: wait for lifecycle transitions",
+)
 _WAIT_FOR_RECORDER = _own("wait_for_recorder", False, "", "begin only when the recorder hears everything")
 _MODE = _own(
     "mode",
@@ -40,6 +46,7 @@ _MODE = _own(
 OWN_PARAMETERS: Mapping[str, tuple[Leaf, ...]] = {
     "plant": (
         _SCENARIO,
+        _AUTOSTART,
         _WAIT_FOR_RECORDER,
         _MODE,
         _own(
@@ -70,11 +77,13 @@ OWN_PARAMETERS: Mapping[str, tuple[Leaf, ...]] = {
     ),
     "reference": (
         _SCENARIO,
+        _AUTOSTART,
         _WAIT_FOR_RECORDER,
         _own("chunk_steps", 80, "1", "steps from one preview message to the next", 1),
     ),
     "controller": (
         _SCENARIO,
+        _AUTOSTART,
         _WAIT_FOR_RECORDER,
         _MODE,
         _own("delay_steps", 0, "1", "steps by which the state is predicted ahead before deciding", 0),
@@ -88,9 +97,48 @@ OWN_PARAMETERS: Mapping[str, tuple[Leaf, ...]] = {
     ),
     "recorder": (
         _SCENARIO,
+        _AUTOSTART,
         _own("bag_folder", "", "", "folder of the bag, not existing yet; empty: bags/<UTC time>_<scenario>"),
     ),
 }
+
+# What a running node takes: the beginnings of names. The controller's plant is the model that it predicts with.
+_LIVE: Mapping[str, tuple[str, ...]] = {
+    "plant": ("plant.", "air."),
+    "controller": ("controller.", "plant.", "air."),
+    "reference": ("reference.",),
+    "recorder": (),
+}
+# Fixed all the same, and why.
+_FIXED: Mapping[str, str] = {
+    "plant.limits.alpha": "the postures are tabulated over this range at the start",
+    "plant.pattern_nodes": "the postures are tabulated at the start",
+    "plant.limbs.reaction": "it chooses the equations, which are compiled at the start",
+    "reference.signal": "it chooses the topics' content, which all nodes agree on at the start",
+}
+_ELSEWHERE = {"plant": "plant", "air": "plant", "controller": "controller", "reference": "reference"}
+_AT_THE_START = {
+    "initial": "a flight begins from it",
+    "seed": "random numbers are drawn from it from the start",
+    "subject": "the body is built at the start",
+    "posture": "the body is built at the start",
+    "pattern": "the body is built at the start",
+    "duration_s": "the steps of the flight are counted at the start",
+    "dt_s": "all nodes share one grid of steps from the start",
+    "epoch_s": "all nodes share one grid of steps from the start",
+}
+
+
+def fixed_because(kind: str, name: str) -> str:
+    """Why a node of this kind does not take this parameter after its start; empty where it does."""
+    block = name.partition(".")[0]
+    if name in _FIXED:
+        return _FIXED[name]
+    if name.startswith(_LIVE[kind]) or block in _OF_RCLPY:
+        return ""
+    if block in _ELSEWHERE:
+        return f"set it at the {_ELSEWHERE[block]} node"
+    return _AT_THE_START.get(block, "it is read at the start; start the node again to change it")
 
 
 @dataclass(frozen=True)

@@ -80,9 +80,11 @@ class PreviewStore:
         self._begin = 0
         self._values = np.empty(0)  # of steps _begin, _begin + 1, ...
         self._longest = 0
+        self.chunk = 0  # steps of the newest chunk
 
     def add(self, k0: int, values: NDArray[np.float64]) -> None:
         """Take in a chunk; one that neither overlaps nor follows what is there replaces it."""
+        self.chunk = len(values)
         self._longest = max(self._longest, len(values))
         end = k0 + len(values)
         before = after = np.empty(0)

@@ -5,14 +5,18 @@ from collections.abc import Mapping
 from typing import Any
 
 from rclpy.context import Context
+from rclpy.timer import Timer
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.diagnostics import Health, Level
+from skydiver_utc.nodes.managed import UNCONFIGURED
 from skydiver_utc.nodes.messages import SETPOINT_AXES, SetpointWriter
 from skydiver_utc.nodes.presence import State
 from skydiver_utc.nodes.preview import PreviewWriter
 from skydiver_utc.nodes.scenario_node import ScenarioNode
+from skydiver_utc.parameters import Scenario
+from skydiver_utc.reference.profiles import ChangingReference, ReferenceProfile
 from skydiver_utc.simulation.build import build_reference
 
 _STARTUP_POLL_S = 0.02
@@ -23,24 +27,56 @@ class ReferenceNode(ScenarioNode):
     """Publishes a chunk every `chunk_steps` steps of `/clock`; the newest one is latched for late listeners.
 
     A chunk reaches as far as the scenario's controller looks beyond the next two chunks, so that a controller
-    never waits for one that is merely late.
+    never waits for one that is merely late. What a chunk has told is kept: a change of parameters takes effect at
+    the first step that none has told yet.
     """
 
     def __init__(self, context: Context | None = None, overrides: Mapping[str, object] | None = None) -> None:
         super().__init__("reference", context, overrides)
-        self._reference = build_reference(self.scenario)
         self._chunk_steps: int = self.own["chunk_steps"]
         self._count: int = self.scenario.preview_steps + 2 * self._chunk_steps + 1
         self._chunk = self._k = -1
         self._heard_at, self._told_silence = time.monotonic(), False
-        self._write_preview = PreviewWriter(self.grid, self._reference.signal, self._count).fill
+        signal = self.scenario.reference.signal
+        self._write_preview = PreviewWriter(self.grid, signal, self._count).fill
         self._previews = self.advertise(topics.REFERENCE_PREVIEW)
         self._setpoints = self.advertise(topics.SETPOINT)
-        self._has_setpoint = self._reference.signal in SETPOINT_AXES
+        self._has_setpoint = signal in SETPOINT_AXES
         if self._has_setpoint:
-            self._write_setpoint = SetpointWriter(self.grid, self._reference.signal).fill
+            self._write_setpoint = SetpointWriter(self.grid, signal).fill
         self._clock_listener = self.listen(topics.CLOCK, self.on_clock)
-        self._startup = self.every(_STARTUP_POLL_S, self._begin_when_heard)
+        self._startup: Timer | None = None
+        self.start_unless_managed()
+
+    def configure(self) -> None:
+        """The profile of the scenario as it is now, from step 0 on."""
+        super().configure()
+        self._chunk = self._k = -1
+        self._reference = ChangingReference(self.rebuilt(self.scenario))
+
+    def activate(self) -> None:
+        """Follow the clock; after a pause with a preview at once."""
+        if self._k < 0:
+            self._startup = self.every(_STARTUP_POLL_S, self._begin_when_heard)
+        else:
+            self._chunk = -1
+            self._publish_chunk(self._k // self._chunk_steps)
+
+    def deactivate(self) -> None:
+        """Publish nothing."""
+        self._end_startup()
+
+    def rebuilt(self, scenario: Scenario) -> ReferenceProfile:
+        """The profile of this scenario."""
+        return build_reference(scenario)
+
+    def change_is_coming(self) -> None:
+        """From the first step on that no preview has told."""
+        if self.lifecycle != UNCONFIGURED:
+            told = self._chunk * self._chunk_steps + self._count if self._chunk >= 0 else 0
+            self._reference.follow(told, self.take_change())
+            if self._k >= 0:
+                self.tell_change(told)
 
     def on_clock(self, message: Any) -> None:
         """Publish the value at this step, and the next chunk when it is due.
@@ -55,10 +91,14 @@ class ReferenceNode(ScenarioNode):
             return
         if self._k < 0:
             self.serve()
+        if self.live.changed and (self._k < 0 or k < self._k):
+            # A flight begins: its bag must tell.
+            self.tell_change(self._reference.changed_at)
         repeated = k == self._k
         if not repeated:
             self._k, self._heard_at, self._told_silence = k, time.monotonic(), False
-        if k > self.scenario.steps:  # the clock goes on for another skydiver
+        # After the flight's end the clock goes on for another skydiver.
+        if not self.active or k > self.scenario.steps:
             return
         if repeated or k // self._chunk_steps != self._chunk:
             self._publish_chunk(k // self._chunk_steps)
@@ -88,10 +128,15 @@ class ReferenceNode(ScenarioNode):
     def _begin_when_heard(self) -> None:
         """The first chunk lets the controller begin: it waits until this node hears and is heard."""
         if self._clock_listener.get_publisher_count() > 0 and not self.unmatched():
-            self.destroy_timer(self._startup)
+            self._end_startup()
             if self._chunk < 0:
                 self._publish_chunk(0)
             self.get_logger().info("ready")
+
+    def _end_startup(self) -> None:
+        if self._startup is not None:
+            self.destroy_timer(self._startup)
+            self._startup = None
 
     def _publish_chunk(self, chunk: int) -> None:
         self._chunk = chunk

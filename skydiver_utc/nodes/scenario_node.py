@@ -1,32 +1,31 @@
 """What all nodes share: parameters from the scenario, topics from the table, refusals counted, diagnostics."""
 
-import sys
-from collections.abc import Callable, Mapping
+import json
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import CallbackGroup
-from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
-from rclpy.timer import Timer
+from std_msgs.msg import String
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError, Refusals
 from skydiver_utc.nodes.diagnostics import Health, Level, ProcessUsage, diagnostic_message
+from skydiver_utc.nodes.live_parameters import LiveParameters
+from skydiver_utc.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
 from skydiver_utc.nodes.node_parameters import resolve
 from skydiver_utc.nodes.presence import Presence
 from skydiver_utc.nodes.roll_call import RollCall, read_claim
 from skydiver_utc.nodes.stamps import StepGrid
 from skydiver_utc.nodes.topics import NAMESPACE, Topic
-from skydiver_utc.parameters import Leaf, ParameterError
+from skydiver_utc.parameters import ParameterError, Scenario
 
-_LARGEST_INTEGER = 2**63 - 1
 _DIAGNOSTICS_PERIOD_S = 1.0
 # Two recorders write into two folders; of all others one is enough.
 _ONE_OF_A_KIND = (topics.PLANT, topics.REFERENCE, topics.CONTROLLER)
@@ -39,40 +38,83 @@ _WATCHED = {
 }
 
 
-class ScenarioNode(Node):
+class ScenarioNode(ManagedNode):
     """A node that knows its scenario; `overrides` adds to the parameters given on the command line.
 
-    It has `finished` when its work is done, or when it was `refused`: one sentence why it must not take part.
+    It is `done` when its work is done. Its process ends, `finished`, when that is so and nobody manages it, when it
+    was shut down, or when it was `refused`: one sentence why it must not take part.
     """
 
     def __init__(
         self, kind: str, context: Context | None = None, overrides: Mapping[str, object] | None = None
     ) -> None:
-        super().__init__(kind, namespace=NAMESPACE, context=context)
+        super().__init__(kind, NAMESPACE, context)
         try:
             resolved = resolve(kind, self._given_parameters() | dict(overrides or {}))
         except ParameterError:
             self.destroy_node()
             raise
-        for leaf in resolved.parameters:
-            value = list(leaf.value) if isinstance(leaf.value, tuple) else leaf.value
-            self.declare_parameter(leaf.name, value, _descriptor(leaf), ignore_override=True)
+        self._kind = kind
         self.scenario = resolved.scenario
         self.own = resolved.own
         self.grid = StepGrid(resolved.scenario)
         self.refusals = Refusals(self.get_logger().warning)
-        self.finished = False
+        self.done = False
         self.refused = ""
         self._advertised: dict[Topic, Publisher] = {}
-        self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._usage = ProcessUsage()
         self._diagnostics = self._publisher(topics.DIAGNOSTICS)
         self.every(_DIAGNOSTICS_PERIOD_S, self.publish_diagnostics)
         self._alive = self._publisher(topics.ALIVE[kind])
         self.presences = {other: self._watch_process(other) for other in _WATCHED[kind]}
         self._roll_call = self._join(kind) if kind in _ONE_OF_A_KIND else None
+        self._changes = self.advertise(topics.CHANGES) if kind in _ONE_OF_A_KIND else None
+        self.live = LiveParameters(self, kind, resolved, self.rebuilt, self.change_is_coming)
         changes = "; ".join(resolved.changes) or "as in its file"
         self.get_logger().info(f"scenario {resolved.scenario.name}: {changes}")
+
+    def start_unless_managed(self) -> None:
+        """The end of a subclass's start: become active at once where nobody else sees to that."""
+        if self.own["autostart"]:
+            self.start()
+
+    def configure(self) -> None:
+        """What was changed before counts from the beginning."""
+        if self.live.coming is not None:
+            self.take_change()
+
+    @property
+    def finished(self) -> bool:
+        """True when the process may end."""
+        return bool(self.refused) or self.shut_down or (self.done and bool(self.own["autostart"]))
+
+    def set_parameters_atomically(self, parameter_list: list[Any]) -> SetParametersResult:
+        """Set all or none; called by rclpy for each request, which would not say why a parameter is read-only."""
+        if sentence := self.live.refusal(parameter_list):
+            return SetParametersResult(successful=False, reason=sentence)
+        return super().set_parameters_atomically(parameter_list)
+
+    def rebuilt(self, scenario: Scenario) -> Any:
+        """What this node needs for a changed scenario; `ParameterError` where it cannot be had."""
+        return None
+
+    def change_is_coming(self) -> None:
+        """A change of parameters was accepted and waits; by default for the next step."""
+
+    def take_change(self) -> Any:
+        """The change that waits is in force from now on; returns what `rebuilt` made for it."""
+        change = self.live.take()
+        self.scenario = change.scenario
+        return change.part
+
+    def tell_change(self, k: int, control: Sequence[float] | None = None) -> None:
+        """Record that all changes so far are in force from step k on; a controller begins there from `control`."""
+        values = self.live.changed
+        record = {"node": self._kind, "step": k, "parameters": values, "control": control}
+        text = ", ".join(f"{name} = {value}" for name, value in values.items()) or "those of the start"
+        self.get_logger().info(f"parameters from step {k} on: {text}")
+        if self._changes is not None:
+            self._changes.publish(String(data=json.dumps(record)))
 
     def close(self) -> int:
         """Say the last words and return the exit code; the node can still publish."""
@@ -90,18 +132,18 @@ class ScenarioNode(Node):
 
     def publish_diagnostics(self) -> None:
         """Say how the node is: an own trouble first, else what it refused since the last time."""
-        health = self.health()
-        refused = {f"refused_{kind}": count for kind, count in sorted(self.refusals.counts.items())}
+        lifecycle = self.lifecycle
+        health = Health(Level.OK, lifecycle, {}) if lifecycle == UNCONFIGURED else self.health()
+        if lifecycle not in (UNCONFIGURED, ACTIVE) and not self.done:
+            health = health._replace(
+                level=Level.OK, sentence=f"{lifecycle}, newest step {self.newest_step()}"
+            )
+        values = {"lifecycle": lifecycle, "last_transition": self.last_transition, **health.values}
+        values |= {f"refused_{kind}": count for kind, count in sorted(self.refusals.counts.items())}
         if self._roll_call is not None:
-            refused["others_told_to_leave"] = self._roll_call.others
-        processes = {f"{kind}_process": presence.state.value for kind, presence in self.presences.items()}
-        values = {
-            **health.values,
-            **processes,
-            **refused,
-            "last_refusal": self.refusals.last,
-            **self._usage.read(),
-        }
+            values["others_told_to_leave"] = self._roll_call.others
+        values |= {f"{kind}_process": presence.state.value for kind, presence in self.presences.items()}
+        values |= {"last_refusal": self.refusals.last, **self._usage.read()}
         message = diagnostic_message(
             self.grid,
             self.newest_step(),
@@ -118,9 +160,9 @@ class ScenarioNode(Node):
 
     def refuse(self, sentence: str) -> None:
         """End without a further word to the others."""
-        if not self.finished:
+        if not self.done:
             self.refused = sentence
-            self.finished = True
+            self.done = True
 
     def advertise(self, topic: Topic) -> Publisher:
         """A publisher of the flight as the table of topics says: its listeners are waited for."""
@@ -137,10 +179,6 @@ class ScenarioNode(Node):
         """A subscription as the table of topics says, or with a quality of service of its own."""
         qos = topic.qos if qos is None else qos
         return self.create_subscription(topic.type, topic.name, callback, qos, callback_group=group)
-
-    def every(self, period_s: float, callback: Callable[[], None]) -> Timer:
-        """A timer on the steady clock, whatever simulated time does."""
-        return self.create_timer(period_s, callback, clock=self._steady_clock)
 
     def unmatched(self) -> list[str]:
         """Names of own topics that some listener of the table, or an awaited recorder, does not hear yet."""
@@ -181,24 +219,3 @@ class ScenarioNode(Node):
         with self.handle:
             given = self.handle.get_parameters(Parameter)
         return {name: parameter.value for name, parameter in given.items()}
-
-
-def _descriptor(leaf: Leaf) -> ParameterDescriptor:
-    """Unit, meaning and range of a parameter that cannot be set after the start."""
-    text = leaf.description if leaf.unit in ("", "1") else f"{leaf.description} [{leaf.unit}]"
-    descriptor = ParameterDescriptor(description=text, read_only=True)
-    if leaf.choices:
-        descriptor.additional_constraints = "one of " + ", ".join(leaf.choices)
-    bounds = (leaf.minimum, leaf.maximum)
-    if leaf.kind == "float" and bounds != (None, None):
-        low, high = _closed(bounds, sys.float_info.max)
-        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-    elif leaf.kind == "int" and bounds != (None, None):
-        low, high = _closed(bounds, _LARGEST_INTEGER)
-        descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
-    return descriptor
-
-
-def _closed(bounds: tuple[float | None, float | None], largest: float) -> tuple[float, float]:
-    low, high = bounds
-    return (-largest if low is None else low, largest if high is None else high)

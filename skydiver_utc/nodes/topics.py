@@ -85,6 +85,7 @@ CLOCK = Topic("/clock", Clock, EACH_STEP, PLANT, fewer_than_states=0)
 STATE = Topic("state", Odometry, EACH_STEP, PLANT, (CONTROLLER,), fewer_than_states=0)
 REFERENCE_PREVIEW = Topic("reference", JointTrajectory, CHUNKS, REFERENCE)
 SETPOINT = Topic("reference/setpoint", TwistStamped, EACH_STEP, REFERENCE, fewer_than_states=0)
+CHANGES = Topic("changes", String, EACH_STEP, EVERY_NODE)
 COMMAND = Topic("command", JointState, EACH_STEP, CONTROLLER, (PLANT,), fewer_than_states=1)
 TELEMETRY = Topic("controller/telemetry", JointState, EACH_STEP, CONTROLLER, fewer_than_states=1)
 APPLIED_COMMAND = Topic("applied_command", JointState, EACH_STEP, PLANT, fewer_than_states=1)
@@ -104,6 +105,7 @@ TOPICS = (
     STATE,
     REFERENCE_PREVIEW,
     SETPOINT,
+    CHANGES,
     COMMAND,
     TELEMETRY,
     APPLIED_COMMAND,

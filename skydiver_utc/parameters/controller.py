@@ -44,18 +44,16 @@ class OpenLoopParameters(Parameters, frozen=True, tag_field="kind", tag="open_lo
         return 0
 
 
-class UtcParameters(Parameters, frozen=True, tag_field="kind", tag="utc"):
+class UtcParameters(Parameters, frozen=True, kw_only=True, tag_field="kind", tag="utc"):
     """The Unscented Transform Controller, section 3 of the paper.
 
-    The defaults are the paper's initial conditions, eq:sigp and eq:lim. Fields that end in ``_reading``
-    choose between the equation as printed and the reading that works.
+    The paper's numbers stand in config/controllers/utc.yaml, which a scenario's are laid over. Fields that end in
+    ``_reading`` choose between the equation as printed and the reading that works.
     """
 
-    horizon_steps: Annotated[int, quantity("steps", "prediction horizon N = t_pred / dt", ge=1, le=500)] = 20
-    W0: Annotated[float, quantity("1", "weight of the central sigma point", gt=-10, lt=1)] = 0.25
-    P_err: Annotated[
-        float, quantity("(rad/s)^2", "covariance of the tracking error, 0.01^2 in the paper", gt=0, le=1e3)
-    ] = 1e-4
+    horizon_steps: Annotated[int, quantity("steps", "prediction horizon N = t_pred / dt", ge=1, le=500)]
+    W0: Annotated[float, quantity("1", "weight of the central sigma point", gt=-10, lt=1)]
+    P_err: Annotated[float, quantity("(rad/s)^2", "covariance of the tracking error", gt=0, le=1e3)]
     P_err_roll_rate: Annotated[
         float,
         quantity(
@@ -74,26 +72,26 @@ class UtcParameters(Parameters, frozen=True, tag_field="kind", tag="utc"):
             le=1e4,
         ),
     ] = 0.0
-    variance_Cm_damp_yaw: Variance = 6.25
-    variance_k_right: Variance = 0.01
-    variance_k_left: Variance = 0.01
-    variance_alpha: Variance = 0.01
-    covariance_12: Magnitude = 0.74
-    covariance_13: Magnitude = 0.74
-    covariance_14: Magnitude = 0.56
-    Qu_ratio: Annotated[float, quantity("1", "Qu as a share of Pu at k = 0", ge=0, le=100)] = 0.1
+    variance_Cm_damp_yaw: Variance
+    variance_k_right: Variance
+    variance_k_left: Variance
+    variance_alpha: Variance
+    covariance_12: Magnitude
+    covariance_13: Magnitude
+    covariance_14: Magnitude
+    Qu_ratio: Annotated[float, quantity("1", "Qu as a share of Pu at k = 0", ge=0, le=100)]
     coupling: Annotated[
         Literal["yaw_rate", "yaw_acceleration", "none"],
         text("sign of s12, s13: eq_q1 (yaw_rate), eq_q3 (yaw_acceleration) or no coupling"),
     ] = "yaw_rate"
-    k_hyst_s: Annotated[float, quantity("s", "look-ahead of eq:s14", ge=0, le=10)] = 1.0
+    k_hyst_s: Annotated[float, quantity("s", "look-ahead of eq:s14", ge=0, le=10)]
     alpha_dynamics: Annotated[
         Literal["unknown", "incremental", "positional"],
         text("dynamics of alpha inside the horizon: none, eq:m1utc, or the block diagram's law"),
     ] = "unknown"
-    K_p: Gain = 1.5
-    K_FF: Gain = 0.1
-    tau_s: Annotated[float, quantity("s", "look-ahead of the feed-forward", ge=0, le=10)] = 0.0
+    K_p: Gain
+    K_FF: Gain
+    tau_s: Annotated[float, quantity("s", "look-ahead of the feed-forward", ge=0, le=10)]
     alpha_at_rest: (
         Annotated[
             float,
@@ -105,7 +103,7 @@ class UtcParameters(Parameters, frozen=True, tag_field="kind", tag="utc"):
     ) = None
     covariance_floor: Annotated[
         float, quantity("control^2", "smallest eigenvalue kept by the repair", ge=0, le=1)
-    ] = 1e-9
+    ]
     covariance_reading: Annotated[
         Literal["repaired", "printed"],
         text("repaired: negative eigenvalues of Pu are clipped; printed: only its root is made real"),
@@ -155,6 +153,10 @@ class UtcParameters(Parameters, frozen=True, tag_field="kind", tag="utc"):
     covariance_leak: Annotated[
         float, quantity("1", "beyond the paper: share of Pu that is forgotten in each step", ge=0, lt=1)
     ] = 0.0
+    square_root: Annotated[
+        bool,
+        text("beyond the paper: a factor S of Pu = S S' is kept and moved on, and Pu never formed for it"),
+    ] = False
 
     def tau_steps(self, dt_s: float) -> int:
         """Look-ahead of the feed-forward in steps."""

@@ -150,7 +150,16 @@ def _overridden(content: dict[str, Any], overrides: Mapping[str, object], origin
         _override(resolved, name, value)
         # Now, so that the next one can reach into what this one named.
         resolved = _resolve_names(resolved)
-    return _convert(resolved, origin)
+    return _convert(_on_numbers_of_its_kind(resolved), origin)
+
+
+def _on_numbers_of_its_kind(content: dict[str, Any]) -> dict[str, Any]:
+    """The controller's block laid over the file of its kind, where there is one."""
+    controller = content.get("controller")
+    if not isinstance(controller, dict):
+        return content
+    path = config_folder() / "controllers" / f"{controller.get('kind')}.yaml"
+    return _merge({"controller": read_yaml(path)}, content) if path.is_file() else content
 
 
 def _override(content: dict[str, Any], name: str, value: object) -> None:

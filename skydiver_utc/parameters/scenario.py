@@ -22,7 +22,7 @@ class Scenario(Parameters, frozen=True, kw_only=True):
     duration_s: Annotated[float, quantity("s", "simulated time of the flight", gt=0, le=36000)]
     dt_s: Annotated[float, quantity("s", "control and integration step", ge=1e-4, le=0.05)]
     epoch_s: Annotated[int, quantity("s", "simulated time of step 0, Unix time", gt=0, le=4102444800)]
-    seed: Annotated[int, quantity("1", "seed of every random draw", ge=0, le=2**32 - 1)] = 0
+    seed: Annotated[int, quantity("1", "seed of every random draw; mppi alone draws", ge=0, le=2**32 - 1)] = 0
     belly_to_earth: Annotated[bool, text("whether a dorsal axis below the horizon counts as rolled over")] = (
         True
     )

@@ -36,3 +36,28 @@ class ReferenceProfile:
     def preview(self, k: int, count: int) -> Array:
         """Values (count,) at steps k, k+1, ...; one by one, so that chunks agree to the bit."""
         return np.array([self.value(k + i) for i in range(count)])
+
+
+class ChangingReference:
+    """A profile that others follow from later steps on; what it says of earlier steps stays."""
+
+    def __init__(self, profile: ReferenceProfile) -> None:
+        self.signal = profile.signal
+        self._parts = [(0, profile)]  # from step, in order
+
+    @property
+    def changed_at(self) -> int:
+        """The step from which on the newest profile holds."""
+        return self._parts[-1][0]
+
+    def follow(self, k: int, profile: ReferenceProfile) -> None:
+        """From step k on this profile holds, and none that was to come after k."""
+        self._parts = [part for part in self._parts if part[0] < k] + [(k, profile)]
+
+    def value(self, k: int) -> float:
+        """What is wanted at step k."""
+        return next(profile for first, profile in reversed(self._parts) if first <= k).value(k)
+
+    def preview(self, k: int, count: int) -> Array:
+        """Values (count,) at steps k, k+1, ..."""
+        return np.array([self.value(k + i) for i in range(count)])

@@ -1,5 +1,8 @@
 """A controller at states that are given, without a plant: it is asked, it does not fly."""
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,12 +12,26 @@ from skydiver_utc.plant.skydiver import CONTROL_NAMES
 Array = NDArray[np.float64]
 
 
-def decide_again(controller: Controller, states: Array, reference: Array) -> Array:
-    """Commands (K, 4) of a controller that starts anew at states (K+1, 13), reference (K + preview_steps,)."""
-    controller.reset()
-    steps, width = len(states) - 1, controller.preview_steps + 1
+class Stretch(NamedTuple):
+    """From step `first` on, up to the next stretch, this controller answers, begun from a control (4,) or anew."""
+
+    first: int
+    controller: Controller
+    control: Array | None
+
+
+def decide_again(stretches: Sequence[Stretch], states: Array, reference: Array) -> Array:
+    """Commands (K, 4) at states (K+1, 13) and reference (K + longest preview,); the first stretch begins at 0."""
+    steps = len(states) - 1
+    ends = [stretch.first for stretch in stretches[1:]] + [steps]
     commands = np.empty((steps, len(CONTROL_NAMES)))
-    for k in range(steps):
-        # Copies, as a node has them: no controller can change what it is asked next.
-        commands[k] = controller.decide(states[k].copy(), reference[k : k + width].copy()).control
+    for (first, controller, control), end in zip(stretches, ends, strict=True):
+        if control is None:
+            controller.reset()
+        else:
+            controller.resume(control)
+        width = controller.preview_steps + 1
+        for k in range(first, end):
+            # Copies, as a node has them: no controller can change what it is asked next.
+            commands[k] = controller.decide(states[k].copy(), reference[k : k + width].copy()).control
     return commands

@@ -1,6 +1,8 @@
 """What a flight leaves behind, as arrays."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +11,18 @@ from skydiver_utc.control.protocol import Status
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plant.skydiver import RATE_AT
 from skydiver_utc.simulation.outcome import Outcome
+
+
+class ParameterChange(NamedTuple):
+    """From a step on a node worked with these parameters, all that differ from those of its start, by dotted name.
+
+    A controller began there, from `control` (4,); None: as at the start of a flight.
+    """
+
+    node: str
+    step: int
+    parameters: Mapping[str, object]
+    control: tuple[float, ...] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +34,7 @@ class Flight:
     reference (K+1,) what the scenario's reference is for: a body rate [rad/s] or the pattern angle [rad]
     telemetry (K, n) by `telemetry_names`; of each controller call solve_time_s (K,) and status (K,), the number of
     a `Status`; NaN where a recording does not tell
+    changes: parameters that were changed in flight; `scenario` is that of its start
     """
 
     scenario: Scenario
@@ -34,6 +49,7 @@ class Flight:
     outcome: Outcome
     reason: str
     wall_time_s: float
+    changes: tuple[ParameterChange, ...] = ()
 
     @property
     def time_s(self) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ from skydiver_utc.control.coupling import CouplingSchedule
 from skydiver_utc.control.limits import ControlLimits
 from skydiver_utc.control.protocol import Decision, Status
 from skydiver_utc.control.utc import UtcLaw
+from skydiver_utc.control.utc_step import Recovery
 from skydiver_utc.parameters import UtcParameters
 from skydiver_utc.plant.model import PlantModel
 from skydiver_utc.plant.skydiver import CONTROL_NAMES
@@ -25,6 +26,7 @@ class SkydiverUtc:
         "innovation",
         *(f"std_{name}" for name in CONTROL_NAMES),
         "repaired_covariance",
+        "recovery",
     )
 
     def __init__(
@@ -44,8 +46,9 @@ class SkydiverUtc:
         self._tangent = parameters.aim == "tangent"
         self._prediction = SkydiverPrediction(model, parameters, tracked)
         self._coupling = CouplingSchedule(parameters, parameters.k_hyst(model.dt), model.dt)
-        self._kept = [0.0] * (parameters.P_err_roll_rate > 0.0)
-        self._kept += [initial_fall_rate] * (parameters.P_err_fall_rate > 0.0)
+        kept = [0.0] * (parameters.P_err_roll_rate > 0.0)
+        kept += [initial_fall_rate] * (parameters.P_err_fall_rate > 0.0)
+        self._reference = np.array([0.0, *kept])
         m = len(CONTROL_NAMES)
         printed = np.full(2 * m + 1, (1.0 - parameters.W0) / (2 * m))
         self._utc = UtcLaw(
@@ -61,6 +64,7 @@ class SkydiverUtc:
             move_unclipped=parameters.move_reading == "unclipped",
             output_weights=printed if parameters.weights_reading == "printed" else None,
             leak=parameters.covariance_leak,
+            square_root=parameters.square_root,
         )
         self.preview_steps = parameters.preview_steps(model.dt)
         self.reset()
@@ -93,17 +97,18 @@ class SkydiverUtc:
             self._utc.reset(self._utc.control, self._coupling.initial_covariance(preview))
             self._started = True
         Qu = self._coupling.process_noise(preview)
-        aim = preview[self._horizon]
+        reference = self._reference
+        reference[0] = preview[self._horizon]
         if self._tangent:
-            aim = preview[0] + self._horizon * (preview[1] - preview[0])
-        reference = np.array([aim, *self._kept])
+            reference[0] = preview[0] + self._horizon * (preview[1] - preview[0])
         step = self._utc.step(state, preview, reference, Qu)
+        if step.recovery is Recovery.RESTARTED:
+            # The law went back to the Pu of the flight's first decision, whose signs may be those of another turn.
+            self._utc.begin_from(self._coupling.initial_covariance(preview))
         predicted, innovation = float(step.predicted[0]), float(step.innovation[0])
-        if not np.isfinite(innovation):
-            # The status says that the control was kept; the rate now stands for one that could not be predicted.
-            predicted = float(state[self._tracked])
-            innovation = float(reference[0]) - predicted
-        return Decision(step.control, self._telemetry(predicted, innovation, step.repaired), step.status)
+        return Decision(
+            step.control, self._telemetry(predicted, innovation, step.repaired, step.recovery), step.status
+        )
 
     def _rest(self, state: Array, alpha: float) -> Decision:
         """The control that the flight began with, at another pattern angle [rad]; no feedback."""
@@ -112,12 +117,12 @@ class SkydiverUtc:
         slew = self._limits.slew.copy()
         slew[3] *= _SHARE_OF_SLEW_AT_REST
         control = self._limits._replace(slew=slew).apply(wanted, self._utc.control)
-        self._utc.reset(control, self._utc.covariance)
+        self._utc.hold(control)
         rate = float(state[self._tracked])
-        return Decision(control, self._telemetry(rate, -rate, 0.0), Status.SOLVED)
+        return Decision(control, self._telemetry(rate, -rate, 0.0, Recovery.NONE), Status.SOLVED)
 
-    def _telemetry(self, predicted: float, innovation: float, repaired: float) -> Array:
+    def _telemetry(self, predicted: float, innovation: float, repaired: float, recovery: float) -> Array:
         values = np.empty(len(self.telemetry_names))
-        values[0], values[1], values[-1] = predicted, innovation, repaired
-        values[2:-1] = np.sqrt(np.maximum(self._utc.covariance.diagonal(), 0.0))
+        values[0], values[1], values[-2], values[-1] = predicted, innovation, repaired, recovery
+        values[2:-2] = self._utc.deviations
         return values

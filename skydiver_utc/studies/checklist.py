@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from skydiver_utc.studies import claims_plant, claims_tracking, claims_tuning
+from skydiver_utc.studies import claims_plant, claims_theory, claims_tracking, claims_tuning
 from skydiver_utc.studies.claim import Claim
 from skydiver_utc.studies.paper_results import PaperResults
 
@@ -29,7 +29,7 @@ _CLAIMS: tuple[Callable[[PaperResults], Claim], ...] = (
     claims_tuning.least_effort,
     claims_tracking.fast_convergence,
     claims_tuning.insensitive,
-    claims_tracking.stability,
+    claims_theory.stability,
 )
 
 

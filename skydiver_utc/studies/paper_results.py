@@ -6,19 +6,24 @@ from skydiver_utc.simulation.flight import Flight
 from skydiver_utc.studies.hand_push import HandPush, hand_push
 from skydiver_utc.studies.paper_runs import FIGURES, M0_C2, PRINTED_HANDS, all_runs
 from skydiver_utc.studies.runs import Done, Measures, Run, fly_all, measure, run, whole
+from skydiver_utc.studies.step_cost import StepCost, step_cost
 from skydiver_utc.studies.tuning_summary import TuningSummary
 
 QUICK_S = 5.0
 
 
 class PaperResults(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Measures of every flight by its command; `tuning` is kept in a file of its own."""
+    """Measures of every flight by its command; `tuning` is kept in a file of its own.
+
+    `cost` alone comes from a clock, and differs from run to run.
+    """
 
     schema_version: int
     quick: bool
     measures: dict[str, Measures]
     push: HandPush
     push_printed: HandPush
+    cost: StepCost | None = None
     tuning: list[TuningSummary] = []
 
     def of(self, one: Run) -> Measures:
@@ -44,5 +49,6 @@ def fly_comparison(quick: bool, jobs: int, done: Done) -> tuple[PaperResults, di
         measures={command: found[command] for command in all_runs()},
         push=hand_push(M0_C2),
         push_printed=hand_push(run(M0_C2.scenario, PRINTED_HANDS)),
+        cost=step_cost(),
     )
     return results, flights

@@ -31,8 +31,7 @@ def check(
     if figure is not None:
         check_figure_path(figure)
     recording = RecordedFlight(folder)
-    scenario = other_scenario(recording.scenario, controller, settings)
-    found = ask(recording, scenario)
+    found = ask(recording, lambda recorded: other_scenario(recorded, controller, settings))
     asked = _asked(controller, settings)
     values = {**report(found), "asked": asked}
     if figure is not None:

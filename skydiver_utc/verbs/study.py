@@ -64,7 +64,7 @@ def _show(summaries: Sequence[TuningSummary]) -> None:
     for title, rows in (
         ("Random tunings", count_rows(summaries)),
         (
-            "Rank correlation with the RMSE; converged in the each quarter",
+            "Rank correlation with the RMSE; converged in each quarter",
             influence_rows(summaries),
         ),
     ):

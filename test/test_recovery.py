@@ -1,0 +1,102 @@
+"""Steps that have no answer as the paper's equations stand, and how the law comes out of them."""
+
+import numpy as np
+import pytest
+
+from skydiver_utc import Status, UnscentedTransformController
+from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.control.limits import ControlLimits
+from skydiver_utc.control.utc import UtcLaw
+from skydiver_utc.control.utc_step import Recovery
+from skydiver_utc.parameters import load_scenario
+from skydiver_utc.simulation.closed_loop import simulate
+
+FREE = ControlLimits(np.array([-np.inf]), np.array([np.inf]), np.array([np.inf]))
+
+
+def bent(state, applied, points, preview, outputs, saved):
+    """y = u + u^2."""
+    outputs[:] = points + points**2
+    saved[:] = points
+
+
+@pytest.mark.parametrize("square_root", [False, True])
+def test_a_negative_central_weight_that_makes_C_y_indefinite(square_root):
+    """W0 = -3, Pu = 4: points 0, 1, -1 with outputs 0, 2, 0. About the mean C_y < 0; about the centre it is not.
+
+    Mean 4, C_y = P_err - 3 (0 - 4)^2 + 2 ((2 - 4)^2 + (0 - 4)^2) = P_err - 8. About the centre
+    C_y = P_err + 2 x 2^2 = 8.5, C_uy = 2 x 1 x 2 = 4, and Pu = Qu + 2 (1 + 1) - 4^2 / 8.5.
+    """
+    law = UtcLaw(bent, FREE, np.array([[0.5]]), -3.0, square_root=square_root)
+    law.reset(np.zeros(1), np.array([[4.0]]))
+    step = law.step(np.zeros(1), np.zeros(1), np.array([5.0]), np.array([[0.1]]))
+    assert (step.status, step.recovery) == (Status.REPAIRED, Recovery.ABOUT_CENTRE)
+    np.testing.assert_allclose(step.predicted, [4.0], rtol=1e-12)
+    np.testing.assert_allclose(step.control, [4.0 / 8.5 * (5.0 - 4.0)], rtol=1e-12)
+    np.testing.assert_allclose(law.covariance, [[0.1 + 4.0 - 16.0 / 8.5]], rtol=1e-12)
+
+
+@pytest.mark.parametrize("square_root", [False, True])
+def test_a_small_spread_needs_no_recovery(square_root):
+    law = UtcLaw(bent, FREE, np.array([[0.5]]), -3.0, square_root=square_root)
+    law.reset(np.zeros(1), np.array([[0.04]]))
+    step = law.step(np.zeros(1), np.zeros(1), np.array([0.1]), np.array([[0.0]]))
+    assert (step.status, step.recovery) == (Status.SOLVED, Recovery.NONE)
+
+
+def test_the_sentence_names_the_recovery():
+    controller = UnscentedTransformController(
+        lambda x, u, dt: u + u**2, state=[0.0], control=0.0, dt=1.0, horizon=1, Pu=4.0, P_err=0.5, W0=-3.0
+    )
+    result = controller.step([0.0], 5.0)
+    assert result.recovery is Recovery.ABOUT_CENTRE
+    assert "about the central point" in result.sentence
+
+
+@pytest.mark.parametrize("square_root", [False, True])
+def test_after_a_step_without_an_answer_the_next_begins_from_the_initial_covariance(square_root):
+    """A covariance that grew, then a state from where everything diverges; NaN as a state changes nothing."""
+
+    def plant(x, u, dt):
+        return x + dt * (x**3 + 0.0 * u)
+
+    controller = UnscentedTransformController(
+        plant, state=[0.0], control=0.0, dt=0.1, horizon=10, Pu=2.0, Qu=3.0, square_root=square_root
+    )
+    controller.step([0.0], 0.0)
+    np.testing.assert_allclose(controller.Pu, [[5.0]])
+    assert controller.step([np.nan], 0.0).recovery is Recovery.NONE
+    np.testing.assert_allclose(controller.Pu, [[5.0]])
+    result = controller.step([1e3], 0.0)
+    assert (result.status, result.recovery) == (Status.KEPT_PREVIOUS, Recovery.RESTARTED)
+    np.testing.assert_allclose(controller.Pu, [[2.0]])
+    np.testing.assert_allclose(result.covariance, [[2.0]])
+    assert controller.step([0.0], 0.0).status is Status.SOLVED
+    np.testing.assert_allclose(controller.Pu, [[5.0]])
+
+
+def test_the_skydiver_answers_every_step_with_a_negative_central_weight():
+    """W0 = -3 locked for good from the 61st step on when a failed step kept U and Pu."""
+    flight = simulate(load_scenario("fast_turn_unknown_dynamics", {"controller.W0": -3.0, "duration_s": 6.0}))
+    recovery = flight.telemetry[:, flight.telemetry_names.index("recovery")]
+    assert (recovery == Recovery.ABOUT_CENTRE).sum() > 0
+    assert not (flight.status == Status.KEPT_PREVIOUS).any()
+    assert metrics(flight)["rmse_deg_s"] < 20.0
+
+
+def test_the_skydiver_begins_again_with_the_signs_of_the_present_turn():
+    """A state that everything diverges from, in a right turn; the first decision was in a left one."""
+    from skydiver_utc.simulation.build import build_controller, build_plant
+
+    scenario = load_scenario("fast_turn_unknown_dynamics")
+    controller, state = build_controller(scenario), build_plant(scenario).initial_state()
+    left = np.linspace(1.0, 2.0, controller.preview_steps + 1)
+    controller.decide(state, left)
+    lost = state.copy()
+    lost[10:] = 1e90
+    decision = controller.decide(lost, -left)
+    assert decision.status is Status.KEPT_PREVIOUS
+    assert decision.telemetry[controller.telemetry_names.index("recovery")] == Recovery.RESTARTED
+    fresh = build_controller(scenario)
+    fresh.resume(decision.control)
+    np.testing.assert_array_equal(controller.decide(state, -left).control, fresh.decide(state, -left).control)
