@@ -185,7 +185,7 @@ def test_a_command_that_comes_in_a_pause_is_used_after_it(ros: Ros) -> None:
     manager = Manager(ros, "plant")
     assert manager.transition(DEACTIVATE)
     sender.publish(plant._write_applied(0, np.array([0.5, 0.0, 0.0, 0.1])))
-    ros.spin_until(lambda: plant._answer_in_pause is not None)
+    ros.spin_until(lambda: plant._ready is not None)
     assert plant.k == 0
     assert manager.transition(ACTIVATE)
     assert plant.k == 1

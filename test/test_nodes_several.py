@@ -69,7 +69,7 @@ def test_each_of_two_skydivers_flies_as_in_its_simulation(
         scenario, duration_s = DIVERS[namespace]
         assert_equals_simulation(bag, load_scenario(scenario, {"duration_s": duration_s}))
         recording = RecordedFlight(tmp_path / namespace[1:])
-        found = check(recording, recording.scenario)
+        found = check(recording)
         assert found.equal
         assert len(found.commands) == bag.scenario.steps
         player = PlayerNode(ros.context, {"run": str(tmp_path / namespace[1:]), "topics": ["state"]})
