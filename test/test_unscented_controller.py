@@ -357,7 +357,7 @@ def test_a_process_noise_of_zero_or_huge(Qu):
 anything = st.floats(allow_nan=True, allow_infinity=True)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     states=st.lists(arrays(float, 2, elements=anything), min_size=1, max_size=6),
     reference=anything,
