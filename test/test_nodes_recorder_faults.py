@@ -96,8 +96,8 @@ def test_a_disk_that_runs_full_does_not_stop_the_flight(
     ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(bag_recorder, "_FLUSH_INTERVAL_S", 0.05)
-    Disk(monkeypatch, room=30_000)
-    plant, recorder = fly(ros, tmp_path / "run")
+    Disk(monkeypatch, room=150_000)  # of some 400 000 bytes that the flight makes
+    plant, recorder = fly(ros, tmp_path / "run", 4.0)
     assert plant.outcome is Outcome.COMPLETED
     assert recorder.close() == 1
     told = capfd.readouterr().err
@@ -107,7 +107,7 @@ def test_a_disk_that_runs_full_does_not_stop_the_flight(
     assert not (tmp_path / "run" / "metadata.yaml").exists()
     monkeypatch.undo()
     recover(tmp_path / "run", tmp_path / "recovered", as_json=True)
-    assert 0 < len(read_bag(tmp_path / "recovered")["/skydiver/state"]) < 239
+    assert 0 < len(read_bag(tmp_path / "recovered")["/skydiver/state"]) < plant.scenario.steps
 
 
 def test_a_disk_that_stands_still_is_told_and_nothing_is_lost(

@@ -6,6 +6,7 @@ import math
 import os
 import re
 import struct
+import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -292,6 +293,8 @@ def test_several_chunks_keep_the_order(tmp_path, sent):
         cdr = serialization.serialize_message(Clock())
         for k in range(20_000):
             writer.write(channel, cdr, START_NS + k, START_NS)
+            while k == 10_000 and writer.waiting_bytes:
+                time.sleep(0.001)
     with writer.mcap_path.open("rb") as stream:
         assert make_reader(stream).get_summary().statistics.chunk_count > 1
     assert read_bag(tmp_path / "bag")["/clock"].log_times_ns.tolist() == list(
