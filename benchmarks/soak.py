@@ -8,6 +8,7 @@ machine the ratios count. ``chrt -f 20`` before the command shows the stack with
 import json
 import os
 import statistics
+import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import click
 import yaml
 from bare_nodes import paced_lateness
 from flights import BAG, SCENARIO, Memory, bare, fly
+from soak_bars import bars
 
 from skydiver_utc.parameters import Scenario, load_scenario
 from skydiver_utc.recording.reader import read_bag
@@ -101,7 +103,6 @@ def real_time(duration_s: float) -> dict[str, Any]:
         "ping_pong": pair,
         "late_steps_percent": percent(account["late_steps"], account["steps"]),
         "late_ping_pong_percent": percent(pair["late"], pair["count"]),
-        "late_steps_within_bar": account["late_steps"] * pair["count"] <= 2 * pair["late"] * account["steps"],
         "late_answers_percent": percent(account["steps"] - account["on_time"], account["steps"]),
         "late_pongs_percent": percent(pair["unanswered"], pair["count"]),
         "wake_up_ms_p99": 1e3 * statistics.quantiles(sleeping, n=100)[-1],
@@ -127,13 +128,18 @@ def percent(part: int, whole: int) -> float:
 )
 @click.option("--real-time-s", default=600.0, show_default=True, help="Seconds in real time; 0: none.")
 def main(lockstep_s: float, real_time_s: float) -> None:
-    """Fly for long; one JSON object says what grew, what is missing and what was late."""
+    """Fly for long; one JSON object says what grew, what is missing, what was late, and which bars are met.
+
+    The exit code is 1 where one is missed.
+    """
     result: dict[str, Any] = {"load_average": os.getloadavg()}
     if lockstep_s > 0.0:
         result["lockstep"] = lockstep(lockstep_s)
     if real_time_s > 0.0:
         result["real_time"] = real_time(real_time_s)
+    result["bars"] = bars(result)
     click.echo(json.dumps(result, indent=2))
+    sys.exit(0 if all(result["bars"].values()) else 1)
 
 
 if __name__ == "__main__":
