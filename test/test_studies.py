@@ -12,6 +12,7 @@ from matplotlib.image import imread
 
 from skydiver_utc.analysis.telemetry_figure import telemetry_figure
 from skydiver_utc.cli import main
+from skydiver_utc.control.utc import UtcLaw, UtcStep
 from skydiver_utc.parameters import ParameterError, UtcParameters, load_scenario
 from skydiver_utc.simulation.closed_loop import simulate
 from skydiver_utc.simulation.flight import Flight
@@ -60,6 +61,7 @@ def measures(rmse: float | None = 3.0, **fields: object) -> Measures:
         "facing": "belly to earth",
         "hands_correlation": 0.0,
         "status_steps": {"solved": 0, "saturated": 0, "repaired": 100, "kept_previous": 0},
+        "rescued_steps": 0,
     }
     return msgspec.convert(content | fields, Measures)
 
@@ -204,6 +206,26 @@ class TestClaims:
     def test_the_cost_of_a_nonlinear_program(self, cost: StepCost | None, expected: Verdict) -> None:
         results = msgspec.structs.replace(results_with(), cost=cost)
         assert verdict(results, "Propagating nine sigma points") is expected
+
+    def test_the_closed_form_of_the_update_is_computed(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        assert verdict(results_with(), "minimum mean square error") is Verdict.HOLDS
+
+        class SlightlyOff(UtcLaw):
+            def step(self, *given: np.ndarray) -> UtcStep:
+                right = super().step(*given)
+                return right._replace(control=(1.0 + 1e-9) * right.control)
+
+        monkeypatch.setattr("skydiver_utc.studies.claims_theory.UtcLaw", SlightlyOff)
+        assert verdict(results_with(), "minimum mean square error") is Verdict.FAILS
+
+    def test_a_rescued_step_is_a_convergence_problem(self) -> None:
+        results, words = results_with(), "no convergence problems"
+        assert verdict(results, words) is Verdict.PARTLY
+        without = {
+            command: msgspec.structs.replace(one, rescued_steps=0)
+            for command, one in results.measures.items()
+        }
+        assert verdict(msgspec.structs.replace(results, measures=without), words) is Verdict.HOLDS
 
     def test_the_riccati_form_is_computed_and_flown(self) -> None:
         assert verdict(results_with(), "For linear systems stability") is Verdict.HOLDS

@@ -14,7 +14,7 @@ _CLAIMS: tuple[Callable[[PaperResults], Claim], ...] = (
     claims_plant.hands_turn,
     claims_tracking.tracks,
     claims_tracking.layouts,
-    claims_tracking.mean_square,
+    claims_theory.mean_square,
     claims_tracking.cheaper,
     claims_tracking.no_convergence_problems,
     claims_tuning.p_err,

@@ -186,7 +186,7 @@ class Sweep(NamedTuple):
 P_ERR = Sweep(
     "controller.P_err", "$P_{err}$ [(rad/s)$^2$]", (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0), True, ()
 )
-W0 = Sweep("controller.W0", "$W^0$ [1]", (-1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 0.9), False, ())
+W0 = Sweep("controller.W0", "$W^0$ [1]", (-3.0, -1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 0.9), False, ())
 _STEPS = (2, 3, 5, 7, 10, 14, 20, 30, 40)
 HORIZON = Sweep("controller.horizon_steps", "prediction steps $N$", _STEPS, True, (2, 5, 10, 20, 40))
 SWEEPS = (P_ERR, W0, HORIZON)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.control.utc_step import Recovery
 from skydiver_utc.parameters import Scenario, load_scenario
 from skydiver_utc.simulation.closed_loop import simulate
 from skydiver_utc.simulation.flight import Flight
@@ -58,6 +59,7 @@ class Measures(msgspec.Struct, frozen=True):
     """What is kept of a flight: its metrics but for the clocks, the same on every run of one machine.
 
     hands_correlation: of k_right and k_left as applied; -1 where they alternate, 1 where they press together.
+    rescued_steps: where UTC's equations had no answer and the law of this package found one all the same.
     """
 
     outcome: str
@@ -71,6 +73,7 @@ class Measures(msgspec.Struct, frozen=True):
     facing: str
     hands_correlation: float | None
     status_steps: dict[str, int]
+    rescued_steps: int
 
     @property
     def rmse(self) -> float:
@@ -86,8 +89,8 @@ class Measures(msgspec.Struct, frozen=True):
 def measure(flight: Flight) -> Measures:
     """Keep the metrics of a flight."""
     values = metrics(flight)
-    kept = {name: values[name] for name in Measures.__struct_fields__ if name != "hands_correlation"}
-    kept["hands_correlation"] = _hands_correlation(flight)
+    own = {"hands_correlation": _hands_correlation(flight), "rescued_steps": _rescued_steps(flight)}
+    kept = {name: values[name] for name in Measures.__struct_fields__ if name not in own} | own
     return msgspec.convert({name: _rounded(value) for name, value in kept.items()}, Measures)
 
 
@@ -141,6 +144,13 @@ def _hands_correlation(flight: Flight) -> float | None:
         return None
     correlations: NDArray[np.float64] = np.asarray(np.corrcoef(hands.T))
     return float(correlations[0, 1])
+
+
+def _rescued_steps(flight: Flight) -> int:
+    if "recovery" not in flight.telemetry_names:
+        return 0
+    recovery = flight.telemetry[:, flight.telemetry_names.index("recovery")]
+    return int(np.count_nonzero(recovery == Recovery.ABOUT_CENTRE))
 
 
 def _rounded(value: object) -> object:
