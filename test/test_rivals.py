@@ -78,13 +78,26 @@ def test_an_absurd_reference_keeps_the_control(rival):
     is_sound(decision, scenario)
 
 
-def test_a_flight_whose_model_diverges_inside_the_horizon_stays_finite():
+def diverging(name, step_periods):
     """Model steps of ten periods are far beyond what Runge-Kutta bears with this roll damping."""
-    for name in ("gauss_newton", "mppi"):
-        controller = RIVALS[name] | {"step_periods": 10}
-        flight = simulate(scenario_of(controller, duration_s=0.5, **{"plant.damping.Cm_damp_roll": 30.0}))
-        assert np.isfinite(flight.commands).all()
-        assert np.isfinite(flight.telemetry).all()
+    controller = RIVALS[name] | {"step_periods": step_periods}
+    flight = simulate(scenario_of(controller, duration_s=0.5, **{"plant.damping.Cm_damp_roll": 30.0}))
+    assert np.isfinite(flight.commands).all()
+    assert np.isfinite(flight.telemetry).all()
+    return flight
+
+
+def test_where_the_model_diverges_gauss_newton_keeps_its_control():
+    assert not (diverging("gauss_newton", 1).status == Status.KEPT_PREVIOUS).any()
+    assert (diverging("gauss_newton", 10).status == Status.KEPT_PREVIOUS).all()
+
+
+def test_where_the_model_diverges_only_the_sample_at_rest_has_a_weight():
+    def effective_samples(flight):
+        return flight.telemetry[:, flight.telemetry_names.index("effective_samples")]
+
+    assert np.median(effective_samples(diverging("mppi", 1))) > 1.5
+    assert (effective_samples(diverging("mppi", 10)) == 1.0).all()
 
 
 def test_reset_repeats_the_same_bits(rival):

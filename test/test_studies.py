@@ -293,6 +293,14 @@ class TestShippedPage:
             assert summary.converged == sum(time <= 10.0 for time in times)
 
 
+@pytest.mark.parametrize("scenario", ["slow_turn_pose_only", "fast_turn_pi_dynamics"])
+def test_the_readme_tells_what_a_flight_gives(scenario: str) -> None:
+    lines = (PAPER.parents[1] / "README.md").read_text(encoding="utf-8").splitlines()
+    (row,) = (line for line in lines if line.startswith(f"| `{scenario}` |"))
+    told = float(row.split("|")[2].split(" of ")[0])
+    assert measure_of(load_scenario(scenario)).rmse == pytest.approx(told, rel=SAME_FLIGHT)
+
+
 def test_results_survive_their_file() -> None:
     results = read_comparison(PAPER)
     assert msgspec.json.decode(to_json(results), type=PaperResults) == results
