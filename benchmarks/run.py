@@ -160,13 +160,14 @@ def measure() -> list[Row]:
 def markdown(rows: list[Row], where: dict[str, str]) -> str:
     """The table as a section of Markdown."""
     lines = [", ".join(f"{name} {value}" for name, value in where.items()) + ".", ""]
-    lines += ["| | median | p99 | unit | ratio |", "|---|---|---|---|---|"]
+    lines += ["| | median | p99 or max | unit | ratio | repetitions |", "|---|---|---|---|---|---|"]
     group = ""
     for row in rows:
         if row.group != group:
             group = row.group
-            lines.append(f"| **{group}** | | | | |")
-        lines.append(f"| {row.name} | {row.median:g} | {row.p99:g} | {row.unit} | {row.ratio:g} |")
+            lines.append(f"| **{group}** | | | | | |")
+        cells = (row.name, f"{row.median:g}", row.slow_end, row.unit, f"{row.ratio:g}", str(row.repetitions))
+        lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
@@ -174,14 +175,16 @@ def show(rows: list[Row], where: dict[str, str]) -> None:
     """The table on the screen."""
     table = Table(title=", ".join(f"{name} {value}" for name, value in where.items()))
     table.add_column("")
-    for heading in ("median", "p99", "unit", "ratio"):
+    for heading in ("median", "p99 or max", "unit", "ratio", "repetitions"):
         table.add_column(heading, justify="left" if heading == "unit" else "right")
     group = ""
     for row in rows:
         if row.group != group:
             group = row.group
             table.add_row(f"[bold]{group}[/bold]")
-        table.add_row(f"  {row.name}", f"{row.median:g}", f"{row.p99:g}", row.unit, f"{row.ratio:g}")
+        table.add_row(
+            f"  {row.name}", f"{row.median:g}", row.slow_end, row.unit, f"{row.ratio:g}", str(row.repetitions)
+        )
     Console().print(table)
 
 

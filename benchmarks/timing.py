@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 SCALES = {"us": 1e6, "ms": 1e3, "s": 1.0}
+_FOR_A_PERCENTILE = 100
 _LIBRARIES = ("numpy", "numba", "scipy", "casadi", "do-mpc", "osqp")
 
 
@@ -26,15 +27,21 @@ class Subject:
 
 @dataclass(frozen=True)
 class Row:
-    """Median and 99th percentile in `unit`, and the median as a multiple of the group's first row."""
+    """Median, 99th percentile and largest in `unit`, and the median as a multiple of the group's first row."""
 
     group: str
     name: str
     unit: str
     median: float
     p99: float
+    largest: float
     ratio: float
     repetitions: int
+
+    @property
+    def slow_end(self) -> str:
+        """The 99th percentile, or the largest where fewer than 100 repetitions have none."""
+        return f"{self.p99:g}" if self.repetitions >= _FOR_A_PERCENTILE else f"{self.largest:g} (max)"
 
 
 @dataclass(frozen=True)
@@ -62,6 +69,7 @@ class Group:
                 unit=subject.unit,
                 median=_three(scale * median),
                 p99=_three(scale * float(np.percentile(taken, 99))),
+                largest=_three(scale * max(taken)),
                 ratio=_three(median / first),
                 repetitions=len(taken),
             )
