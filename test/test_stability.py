@@ -158,15 +158,53 @@ def test_what_cannot_be_analysed_is_refused_in_one_sentence(arguments, words):
         ("P_err: [1, 1]", "P_err must have 1 numbers"),
         ("C: [[1, 2]]", "C must have 1 rows of 1 numbers"),
         ("time: weekly", "time"),
+        ("Qu: [0]", "Qu is no covariance"),
+        ("Qu: [-1]", "Qu is no covariance"),
+        ("Qu: []", "Qu must have one variance"),
+        ("Qu: [[1, 2]]", "Qu must have one variance"),
+        ("Qu: [1, [1]]", "Qu must have one variance"),
+        ("Qu: [[1, 2], [2, 1]]", "Qu is no covariance"),
+        ("Qu: [[2, 1], [0, 2]]", "Qu is no covariance"),
+        ("dt_s: 0", "dt_s: expected a number > 0.0: mend it"),
     ],
 )
 def test_a_plant_whose_matrices_do_not_fit_is_refused(tmp_path, line, words):
+    with pytest.raises(ParameterError, match=words):
+        load_linear_plant(own_plant(tmp_path, line))
+
+
+def test_one_s_own_plant_needs_no_source(tmp_path):
+    assert load_linear_plant(own_plant(tmp_path)).source == ""
+
+
+def test_a_whole_matrix_qu_couples_the_controls(tmp_path):
+    """One output: the gain has the direction of Qu h (docs/theory.md); variances alone are the diagonal."""
+    B, matrix = "B: [[1, 2]]", "[[1, 0.5], [0.5, 1]]"
+    coupled = of_linear_plant(own_plant(tmp_path, B, f"Qu: {matrix}"))
+    np.testing.assert_array_equal(coupled.Qu, [[1.0, 0.5], [0.5, 1.0]])
+    K = np.array(report(coupled)["gain"])[:, 0]
+    np.testing.assert_allclose(K / K[0], coupled.Qu @ [1.0, 2.0] / (coupled.Qu @ [1.0, 2.0])[0], rtol=1e-12)
+    alone = of_linear_plant(own_plant(tmp_path, B, "Qu: [1, 1]"))
+    np.testing.assert_array_equal(alone.Qu, np.eye(2))
+    assert np.array(report(alone)["gain"])[1, 0] == pytest.approx(2.0 * np.array(report(alone)["gain"])[0, 0])
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_plant_that_grows_past_all_bounds_is_refused_in_one_sentence(tmp_path):
+    plant = own_plant(tmp_path, "A: [[400]]")
+    told = CliRunner().invoke(main, ["stability", "--plant", plant, "--steps", "500"])
+    assert told.exit_code == 2
+    assert "grows past 1e+60 within 24 of 500 prediction steps: take fewer --steps" in told.stderr
+    assert len(told.stderr.splitlines()) == 1
+
+
+def own_plant(folder, *lines):
+    """Path of a plant file; `lines` replace its own."""
     fields = {
-        "name": "own", "description": "d", "source": "s", "time": "discrete", "dt_s": 1,
+        "name": "own", "description": "d", "time": "discrete", "dt_s": 1,
         "A": "[[0.9]]", "B": "[[1]]", "Qu": "[1]", "P_err": "[1]",
     }  # fmt: skip
-    key, _, value = line.partition(": ")
-    text = "\n".join(f"{name}: {entry}" for name, entry in (fields | {key: value}).items())
-    (tmp_path / "own.yaml").write_text(text)
-    with pytest.raises(ParameterError, match=words):
-        load_linear_plant(str(tmp_path / "own.yaml"))
+    changed = dict(line.split(": ", 1) for line in lines)
+    text = "\n".join(f"{name}: {entry}" for name, entry in (fields | changed).items())
+    (folder / "own.yaml").write_text(text)
+    return str(folder / "own.yaml")

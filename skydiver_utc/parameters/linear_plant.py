@@ -5,6 +5,7 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from skydiver_utc.parameters.fields import Parameters, quantity, text
 from skydiver_utc.parameters.loading import config_folder
@@ -19,18 +20,29 @@ class LinearPlantParameters(Parameters, frozen=True):
 
     name: str
     description: str
-    source: str
     time: Annotated[str, msgspec.Meta(pattern="^(continuous|discrete)$"), text("continuous or discrete")]
     dt_s: Annotated[float, quantity("s", "time step; a continuous plant is held over it", gt=0, le=100)]
     A: Matrix
     B: Matrix
-    Qu: Annotated[Variances, text("variance that each control gains per step")]
+    Qu: Annotated[
+        tuple[float | tuple[float, ...], ...],
+        text(
+            "what the controls' covariance gains per step: a variance for each control, or the whole matrix"
+        ),
+    ]
     P_err: Annotated[Variances, text("variance of each output's tracking error")]
+    source: Annotated[str, text("where the numbers come from")] = ""
     C: Matrix | None = None
     horizon_steps: Annotated[int, quantity("steps", "prediction horizon N", ge=1, le=500)] = 1
     nonlinearity: Annotated[
         float, quantity("state", "largest size of what is added to the state each step", ge=0)
     ] = 0.0
+
+    @property
+    def process_noise(self) -> NDArray[np.float64]:
+        """Qu as a matrix (m, m)."""
+        given = np.array(self.Qu, dtype=float)
+        return np.diag(given) if given.ndim == 1 else given
 
 
 def linear_plant_names() -> list[str]:
@@ -51,9 +63,28 @@ def load_linear_plant(name_or_path: str) -> LinearPlantParameters:
     try:
         plant = msgspec.convert(read_yaml(path), LinearPlantParameters)
     except msgspec.ValidationError as error:
-        raise ParameterError(f"linear plant {path}: {error}: mend it") from error
+        message = str(error).replace("`float`", "a number").replace("`float | array`", "a number or a row")
+        fault, _, place = message.partition(" - at `$.")
+        name = f"{place.rstrip('`')}: " if place else ""
+        raise ParameterError(f"linear plant {path}: {name}{fault[:1].lower()}{fault[1:]}: mend it") from error
+    _check_process_noise(plant, path)
     _check_shapes(plant, path)
     return plant
+
+
+def _check_process_noise(plant: LinearPlantParameters, path: Path) -> None:
+    m = len(plant.Qu)
+    rows = [row for row in plant.Qu if isinstance(row, tuple)]
+    if not m or (rows and [len(row) for row in rows] != [m] * m):
+        raise ParameterError(
+            f"linear plant {path}: Qu must have one variance for each control, or as many rows of as many numbers"
+        )
+    Qu = plant.process_noise
+    if not (np.array_equal(Qu, Qu.T) and (np.diag(Qu) > 0.0).all() and np.linalg.eigvalsh(Qu)[0] > 0.0):
+        raise ParameterError(
+            f"linear plant {path}: Qu is no covariance: give each control a variance above zero, and two controls"
+            " one covariance on both sides of the diagonal, smaller than the root of their variances' product"
+        )
 
 
 def _check_shapes(plant: LinearPlantParameters, path: Path) -> None:

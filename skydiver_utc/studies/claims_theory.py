@@ -68,7 +68,7 @@ def stability(_results: PaperResults) -> Claim:
     given = load_linear_plant(_PLANT)
     A, B = zero_order_hold(np.array(given.A), np.array(given.B), given.dt_s)
     plant = LinearPlant(A, B, np.eye(len(A)) if given.C is None else np.array(given.C))
-    Qu, P_err = np.diag(given.Qu), np.diag(given.P_err)
+    Qu, P_err = given.process_noise, np.diag(given.P_err)
     without, with_term, decays = {}, {}, {}
     for steps in (1, _LONGER):
         found = analyse(plant, steps, Qu, P_err, given.nonlinearity)

@@ -8,6 +8,8 @@ from scipy.linalg import expm
 
 Array = NDArray[np.float64]
 
+_DIVERGED = 1e60  # its fourth power, which the steady gain takes, is still a number
+
 
 class LinearPlant(NamedTuple):
     """A (n, n), B (n, m), C (l, n) of one time step."""
@@ -27,8 +29,16 @@ def zero_order_hold(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
 
 
 def to_the_horizon(plant: LinearPlant, steps: int) -> tuple[Array, Array]:
-    """F = C A^N (l, n) and H = C (A^(N-1) + .. + I) B (l, m): with u held, y is F x + H u after N steps."""
+    """F = C A^N (l, n) and H = C (A^(N-1) + .. + I) B (l, m): with u held, y is F x + H u after N steps.
+
+    Raises `ValueError` where these pass 1e60.
+    """
     free, forced = np.eye(len(plant.A)), np.zeros_like(plant.B)
-    for _ in range(steps):
+    for k in range(steps):
         free, forced = plant.A @ free, plant.A @ forced + plant.B
+        if not (np.abs(free).max() < _DIVERGED and np.abs(forced).max() < _DIVERGED):
+            raise ValueError(
+                f"without control the plant grows past {_DIVERGED:g} within {k + 1} of {steps} prediction steps:"
+                " take fewer --steps"
+            )
     return plant.C @ free, plant.C @ forced

@@ -52,7 +52,8 @@ def steady_gain(H: Array, P_err: Array, Qu: Array) -> SteadyGain:
     values, vectors = np.linalg.eigh(root @ noise @ root)
     if values.size == 0 or values[0] <= 0.0:
         raise ValueError(
-            "Qu is not positive definite in the controls that the output sees: Pu has no fixed point"
+            "Qu is not positive definite in the controls that the output sees, so that Pu has no fixed point: give"
+            " every control a variance in Qu"
         )
     s = values / 2 + np.sqrt(values**2 / 4 + values)
     # Unseen controls follow the seen ones as Qu relates them.

@@ -71,7 +71,7 @@ def of_linear_plant(name_or_path: str) -> Tuned:
         A, B = zero_order_hold(A, B, given.dt_s)
     C = np.eye(len(A)) if given.C is None else np.array(given.C)
     return Tuned(
-        LinearPlant(A, B, C), given.horizon_steps, given.dt_s, np.diag(given.Qu), np.diag(given.P_err),
+        LinearPlant(A, B, C), given.horizon_steps, given.dt_s, given.process_noise, np.diag(given.P_err),
         given.nonlinearity, f"{given.name}: {given.description}",
     )  # fmt: skip
 
@@ -135,8 +135,13 @@ def report(tuned: Tuned) -> dict[str, Any]:
     plant = tuned.plant
     try:
         found = analyse(plant, tuned.horizon_steps, tuned.Qu, tuned.P_err, tuned.nonlinearity)
+    except np.linalg.LinAlgError as error:
+        raise ParameterError(
+            f"the numbers of {tuned.what.partition(':')[0]} are too far apart in size to be analysed ({error}):"
+            " give states, controls and outputs units in which they are alike, or take fewer --steps"
+        ) from error
     except ValueError as error:
-        raise ParameterError(f"{error}: give every control a variance in Qu") from error
+        raise ParameterError(str(error)) from error
     logs = np.log(np.maximum(np.abs(found.eigenvalues), 1e-300))
     return {
         "plant": tuned.what,
