@@ -394,6 +394,11 @@ class TestVerbs:
         text = self.call("compare", "paper", "--out", str(tmp_path))
         assert "does not hold" in text
         assert (tmp_path / "results.json").is_file()
+        assert "Its figures say nothing" not in text
+        results = msgspec.structs.replace(results, quick=True)
+        text = self.call("compare", "paper", "--quick", "--out", str(tmp_path))
+        assert "only the first 5 s of each flight. Its figures say nothing." in text
+        assert "Its figures say nothing" in (tmp_path / "paper.md").read_text(encoding="utf-8")
 
     def test_a_file_is_no_folder(self, tmp_path: Path) -> None:
         (tmp_path / "a").write_text("", encoding="utf-8")

@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerTuple
+from matplotlib.patches import Patch
 
 from skydiver_utc.analysis.style import BLUE, GREY, ORANGE, VERMILLION, empty_figure, house_style
 
@@ -91,13 +93,15 @@ def tuning_figure(clouds: Sequence[Cloud], bar_deg_s: float) -> Figure:
     with house_style():
         figure = empty_figure(10.0, 5.4)
         shares, bars = figure.subplots(1, 2, gridspec_kw={"width_ratios": [1.15, 1.0]})
+        handles: list[Any] = []  # a tuple of artists is one entry
         for cloud in clouds:
             sizes = np.sort(np.array(cloud.rmse))
             share = np.arange(1, len(sizes) + 1) / len(sizes)
-            shares.step(
+            (line,) = shares.step(
                 sizes, 100.0 * share, where="post", color=_COLOURS[cloud.colour % 2],
-                linestyle=_LINES[cloud.line % 2], linewidth=1.6, label=cloud.label,
+                linestyle=_LINES[cloud.line % 2], linewidth=1.6,
             )  # fmt: skip
+            handles.append((line, Patch(color=_COLOURS[cloud.colour % 2], alpha=_strength(cloud))))
         shares.axvline(bar_deg_s, color=GREY, linewidth=1.0, linestyle=(0, (4, 2)))
         shares.annotate(
             "5 % of the amplitude", (bar_deg_s, 3.0), xytext=(5, 0), textcoords="offset points", color=GREY,
@@ -108,9 +112,17 @@ def tuning_figure(clouds: Sequence[Cloud], bar_deg_s: float) -> Figure:
         shares.set_xlabel("RMSE from 2 s on [deg/s]")
         shares.set_ylabel("random tunings with at most this RMSE [%]")
         _draw_correlations(bars, clouds)
-        figure.legend(*shares.get_legend_handles_labels(), loc="upper left", ncols=2)
+        figure.legend(
+            handles, [cloud.label for cloud in clouds], loc="upper left", ncols=2, handlelength=4.0,
+            handler_map={tuple: HandlerTuple(ndivide=None)},
+        )  # fmt: skip
         figure.subplots_adjust(left=0.07, right=0.985, bottom=0.1, top=0.87, wspace=0.5)
     return figure
+
+
+def _strength(cloud: Cloud) -> float:
+    """Opacity of a cloud's bars: light where its line is dashed."""
+    return 0.5 if cloud.line % 2 else 1.0
 
 
 def _draw_correlations(axes: Axes, clouds: Sequence[Cloud]) -> None:
@@ -121,7 +133,7 @@ def _draw_correlations(axes: Axes, clouds: Sequence[Cloud]) -> None:
         values = [cloud.rank_correlation[name] for name in names]
         axes.barh(
             places + (i + 0.5) * height - 0.4, values, height=height, color=_COLOURS[cloud.colour % 2],
-            alpha=0.5 if cloud.line % 2 else 1.0,
+            alpha=_strength(cloud),
         )  # fmt: skip
     axes.axvline(0.0, color=GREY, linewidth=0.8)
     axes.set_yticks(places, names)

@@ -1,6 +1,7 @@
 """Flights of UTC side by side with the telemetry that shows how it is tuned."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,11 +24,14 @@ from skydiver_utc.analysis.style import (
 )
 from skydiver_utc.simulation.flight import Flight
 
+# Both hands have nearly the same: the dashes lie over the other line.
+_SOLID: dict[str, Any] = {"linewidth": 0.9, "zorder": 2.0}
+_DASHED: dict[str, Any] = {"linewidth": 0.9, "zorder": 3.0, "linestyle": (0, (4, 3))}
 _DEVIATIONS = (
-    ("std_Cm_damp_yaw", "damping", GREEN),
-    ("std_k_right", "right hand", VERMILLION),
-    ("std_k_left", "left hand", PURPLE),
-    ("std_alpha", "$\\alpha$", BLUE),
+    ("std_Cm_damp_yaw", "damping", GREEN, _SOLID),
+    ("std_k_right", "right hand", VERMILLION, _DASHED),
+    ("std_k_left", "left hand", PURPLE, _SOLID),
+    ("std_alpha", "$\\alpha$", BLUE, _SOLID),
 )
 _STATUS_COLOURS = {"solved": GREEN, "saturated": ORANGE, "repaired": BLUE, "kept_previous": VERMILLION}
 _SMALLEST = 1e-6  # what the logarithmic axes still show
@@ -56,7 +60,7 @@ def telemetry_figure(title: str, flights: Mapping[str, Flight]) -> Figure:
         rows[2, 0].set_ylim(1e-4, 3.0)
         rows[3, 0].set_ylim(_SMALLEST, 30.0)
         figure.text(0.01, 0.985, title, fontsize=12, fontweight="bold", va="top")
-        _draw_legends(figure, rows[2, 0])
+        _draw_legends(figure, rows[0, 0], rows[2, 0])
         figure.subplots_adjust(left=0.125, right=0.985, bottom=0.115, top=0.875)
     return figure
 
@@ -68,13 +72,20 @@ def _draw_column(axes: NDArray[np.object_], label: str, flight: Flight) -> None:
     head = "no RMSE" if found["rmse_deg_s"] is None else f"RMSE {short(found['rmse_deg_s'])} deg/s"
     ended = "" if found["outcome"] == "completed" else f", {found['outcome'].replace('_', ' ')}"
     rate.set_title(f"{label}\n{head}{ended}", fontsize=9.5)
-    rate.plot(flight.time_s, np.rad2deg(flight.reference), color=ORANGE, linewidth=3.0, alpha=0.75)
-    rate.plot(flight.time_s, np.rad2deg(flight.yaw_rate), color=BLUE, linewidth=1.1)
+    rate.plot(
+        flight.time_s,
+        np.rad2deg(flight.reference),
+        color=ORANGE,
+        linewidth=3.0,
+        alpha=0.75,
+        label="reference",
+    )
+    rate.plot(flight.time_s, np.rad2deg(flight.yaw_rate), color=BLUE, linewidth=1.1, label="flown")
     innovation.plot(time, np.rad2deg(_named(flight, "innovation")), color=VERMILLION, linewidth=0.8)
     limits = flight.scenario.plant.limits
     spans = np.subtract(limits.maximum, limits.minimum)
-    for (name, words, colour), span in zip(_DEVIATIONS, spans, strict=True):
-        deviations.plot(time, _named(flight, name) / span, color=colour, linewidth=0.9, label=words)
+    for (name, words, colour, line), span in zip(_DEVIATIONS, spans, strict=True):
+        deviations.plot(time, _named(flight, name) / span, color=colour, label=words, **line)
     deviations.set_yscale("log")
     repair.plot(time, np.maximum(_named(flight, "repaired_covariance"), _SMALLEST), color=BLUE, linewidth=0.8)
     repair.set_yscale("log")
@@ -94,7 +105,11 @@ def _draw_status(axes: Axes, flight: Flight) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(4, prune="upper"))
 
 
-def _draw_legends(figure: Figure, deviations: Axes) -> None:
+def _draw_legends(figure: Figure, rate: Axes, deviations: Axes) -> None:
+    figure.legend(
+        *rate.get_legend_handles_labels(), loc="upper right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=8.5,
+        columnspacing=1.0, handlelength=1.6,
+    )  # fmt: skip
     figure.legend(
         *deviations.get_legend_handles_labels(), loc="lower left", bbox_to_anchor=(0.0, 0.0), ncols=4,
         title="std of", title_fontsize=8.5, fontsize=8.5, alignment="left", columnspacing=1.0, handlelength=1.2,

@@ -20,9 +20,9 @@ STEPS = (
         "1_weight",
         "W0: how far the sigma points reach",
         {
-            "W0 = -1: close": run(UNKNOWN, ("controller.W0", -1.0)),
-            "W0 = 0.25": run(UNKNOWN),
-            "W0 = 0.9: far": run(UNKNOWN, ("controller.W0", 0.9)),
+            "W0 = -1: close": run(PI, ("controller.W0", -1.0)),
+            "W0 = 0.25": run(PI),
+            "W0 = 0.9: far": run(PI, ("controller.W0", 0.9)),
         },
     ),
     Step(

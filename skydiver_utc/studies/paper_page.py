@@ -8,6 +8,7 @@ from skydiver_utc.studies.runs import Measures, Run, shipped
 from skydiver_utc.studies.tuning_page import tuning_section
 
 CONFIGURATION_HEAD = ("configuration", "code", "RMSE", "largest", "converged", "peak", "effort")
+QUICK_WARNING = f"The quick form: only the first {QUICK_S:g} s of each flight. Its figures say nothing."
 _ALTERNATIVE_TEXT = {
     "ff6": "The pose controller fails the fast turn",
     "utc_m0_c2": "UTC, dynamics of alpha unknown, coupling eq_q1",
@@ -39,11 +40,7 @@ def page(results: PaperResults) -> str:
 
 
 def _introduction(results: PaperResults) -> str:
-    quick = (
-        f"\n**The quick form: only the first {QUICK_S:g} s of each flight. Its figures say nothing.**\n"
-        if results.quick
-        else ""
-    )
+    quick = f"\n**{QUICK_WARNING}**\n" if results.quick else ""
     return f"""# The paper's results, flown again
 
 Written by `skydiver-utc compare paper --out FOLDER`; do not edit. `make paper` makes it all again.

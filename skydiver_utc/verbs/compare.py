@@ -11,7 +11,7 @@ from skydiver_utc.studies import paper_runs as flown
 from skydiver_utc.studies.checklist import checklist
 from skydiver_utc.studies.claim import Verdict
 from skydiver_utc.studies.paper_files import read_comparison, write_comparison
-from skydiver_utc.studies.paper_page import CONFIGURATION_HEAD, configuration_rows
+from skydiver_utc.studies.paper_page import CONFIGURATION_HEAD, QUICK_WARNING, configuration_rows
 from skydiver_utc.studies.paper_results import PaperResults, fly_comparison
 from skydiver_utc.verbs.outputs import prepared_folder
 from skydiver_utc.verbs.screen import count_progress
@@ -56,3 +56,5 @@ def _show(results: PaperResults) -> None:
         )
     console.print(configurations)
     console.print(claims)
+    if results.quick:
+        console.print(Text(QUICK_WARNING, style="bold red"), soft_wrap=True)
