@@ -215,7 +215,7 @@ class TestClaims:
                 right = super().step(*given)
                 return right._replace(control=(1.0 + 1e-9) * right.control)
 
-        monkeypatch.setattr("skydiver_utc.studies.claims_theory.UtcLaw", SlightlyOff)
+        monkeypatch.setattr("skydiver_utc.simulation.linear_loop.UtcLaw", SlightlyOff)
         assert verdict(results_with(), "minimum mean square error") is Verdict.FAILS
 
     def test_a_rescued_step_is_a_convergence_problem(self) -> None:

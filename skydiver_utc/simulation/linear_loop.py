@@ -37,8 +37,7 @@ def fly_linear(
         outputs[:] = F @ state + points @ H.T
         saved[:] = points
 
-    unlimited = np.full(m, np.inf)
-    law = UtcLaw(predict, ControlLimits(-unlimited, unlimited, unlimited), P_err, _W0, covariance_floor=0.0)
+    law = UtcLaw(predict, _unlimited(m), P_err, _W0, covariance_floor=0.0)
     law.reset(start[n:], Pu)
     run = np.empty((steps + 1, n + m))
     run[0] = start
@@ -50,6 +49,25 @@ def fly_linear(
         run[k + 1, :n] = following if added is None else following + added(x)
         run[k + 1, n:] = control
     return run
+
+
+def updated_control(B: Array, Pu: Array, P_err: Array, W0: float, before: Array, wanted: Array) -> Array:
+    """The control (m,) that one step of UTC moves `before` to, on y = B u without bounds, y wanted (l,)."""
+
+    def predict(
+        _state: Array, _applied: Array, points: Array, _preview: Array, outputs: Array, saved: Array
+    ) -> None:
+        outputs[:] = points @ B.T
+        saved[:] = points
+
+    law = UtcLaw(predict, _unlimited(len(before)), P_err, W0)
+    law.reset(before, Pu)
+    return law.step(np.zeros(1), np.zeros(1), wanted, np.zeros_like(Pu)).control
+
+
+def _unlimited(m: int) -> ControlLimits:
+    far = np.full(m, np.inf)
+    return ControlLimits(-far, far, far)
 
 
 def measured_decay(distances: Array) -> float:

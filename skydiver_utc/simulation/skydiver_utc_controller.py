@@ -126,3 +126,10 @@ class SkydiverUtc:
         values[0], values[1], values[-2], values[-1] = predicted, innovation, repaired, recovery
         values[2:-2] = self._utc.deviations
         return values
+
+
+def rescued_steps(names: tuple[str, ...], telemetry: Array) -> int:
+    """Steps of a flight (steps, names) where only covariances about the central point gave UTC an answer."""
+    if "recovery" not in names:
+        return 0
+    return int(np.count_nonzero(telemetry[:, names.index("recovery")] == Recovery.ABOUT_CENTRE))

@@ -3,10 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.control.limits import ControlLimits
-from skydiver_utc.control.utc import UtcLaw
 from skydiver_utc.parameters.linear_plant import load_linear_plant
-from skydiver_utc.simulation.linear_loop import fly_linear, measured_decay
+from skydiver_utc.simulation.linear_loop import fly_linear, measured_decay, updated_control
 from skydiver_utc.studies.claim import Claim, judge
 from skydiver_utc.studies.paper_results import PaperResults
 from skydiver_utc.theory.linear_plant import LinearPlant, to_the_horizon, zero_order_hold
@@ -41,18 +39,7 @@ def _update_mismatch(generator: np.random.Generator) -> float:
     B, Pu, P_err = generator.normal(size=(outputs, m)), _random_covariance(generator, m), np.eye(outputs)
     before, wanted = generator.normal(size=m), generator.normal(size=outputs)
 
-    def predict(
-        _state: Array, _applied: Array, points: Array, _preview: Array, predicted: Array, saved: Array
-    ) -> None:
-        predicted[:] = points @ B.T
-        saved[:] = points
-
-    unlimited = np.full(m, np.inf)
-    law = UtcLaw(
-        predict, ControlLimits(-unlimited, unlimited, unlimited), P_err, generator.uniform(-0.9, 0.9)
-    )
-    law.reset(before, Pu)
-    found = law.step(np.zeros(1), np.zeros(1), wanted, np.zeros((m, m))).control
+    found = updated_control(B, Pu, P_err, generator.uniform(-0.9, 0.9), before, wanted)
     expected = before + Pu @ B.T @ np.linalg.inv(B @ Pu @ B.T + P_err) @ (wanted - B @ before)
     return float(np.abs(found - expected).max() / np.abs(expected).max())
 

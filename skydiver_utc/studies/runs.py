@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.metrics import metrics
-from skydiver_utc.control.utc_step import Recovery
 from skydiver_utc.parameters import Scenario, load_scenario
 from skydiver_utc.simulation.closed_loop import simulate
 from skydiver_utc.simulation.flight import Flight
+from skydiver_utc.simulation.skydiver_utc_controller import rescued_steps
 
 Kept = TypeVar("Kept")
 Done = Callable[[int], None]  # told how many flights are done
@@ -89,7 +89,8 @@ class Measures(msgspec.Struct, frozen=True):
 def measure(flight: Flight) -> Measures:
     """Keep the metrics of a flight."""
     values = metrics(flight)
-    own = {"hands_correlation": _hands_correlation(flight), "rescued_steps": _rescued_steps(flight)}
+    rescued = rescued_steps(flight.telemetry_names, flight.telemetry)
+    own = {"hands_correlation": _hands_correlation(flight), "rescued_steps": rescued}
     kept = {name: values[name] for name in Measures.__struct_fields__ if name not in own} | own
     return msgspec.convert({name: _rounded(value) for name, value in kept.items()}, Measures)
 
@@ -144,13 +145,6 @@ def _hands_correlation(flight: Flight) -> float | None:
         return None
     correlations: NDArray[np.float64] = np.asarray(np.corrcoef(hands.T))
     return float(correlations[0, 1])
-
-
-def _rescued_steps(flight: Flight) -> int:
-    if "recovery" not in flight.telemetry_names:
-        return 0
-    recovery = flight.telemetry[:, flight.telemetry_names.index("recovery")]
-    return int(np.count_nonzero(recovery == Recovery.ABOUT_CENTRE))
 
 
 def _rounded(value: object) -> object:
