@@ -53,6 +53,52 @@ def test_the_sentence_names_the_recovery():
     assert "about the central point" in result.sentence
 
 
+def test_outputs_whose_covariance_rounding_makes_indefinite():
+    """y = 1e8 (1, 2, 3) u with P_err = 1e-4: C_y has eigenvalues of about 1e16 and 1e-4, 20 digits apart.
+
+    u moves to the reference within P_err, and Pu becomes P_err / (1e16 x 14) and Qu. A step in which the rounding
+    leaves C_y definite by chance needs nothing.
+    """
+    slopes = 1e8 * np.array([1.0, 2.0, 3.0])
+    controller = UnscentedTransformController(
+        lambda x, u, dt: slopes * u, state=np.zeros(3), control=0.0, dt=1.0, horizon=1, Pu=0.04, Qu=0.004
+    )
+    found = []
+    for wanted in (0.1, -0.2, 0.3, 0.35, -0.4):
+        result = controller.step(np.zeros(3), slopes * wanted)
+        found.append(result.recovery)
+        if result.recovery is Recovery.FACTORED:
+            assert result.status is Status.REPAIRED
+            assert "rounding made the output's covariance indefinite" in result.sentence
+        assert "W0" not in result.sentence
+        np.testing.assert_allclose(result.control, [wanted], rtol=1e-9)
+        np.testing.assert_allclose(result.covariance, [[0.004 + 1e-4 / (14 * 1e16)]], rtol=1e-9)
+    assert Recovery.FACTORED in found
+    assert set(found) <= {Recovery.NONE, Recovery.FACTORED}
+
+
+def test_an_unstable_pole_whose_growth_exceeds_the_digits_of_a_covariance():
+    """x'' = 36 x + u over 3 s: position and speed grow e^18-fold, as one. Every step has an answer that W0 is not in."""
+
+    def plant(x, u, dt):
+        return np.array([x[0] + dt * x[1], x[1] + dt * (36.0 * x[0] + u[0])])
+
+    plain, factored = (
+        UnscentedTransformController(
+            plant, state=[0.1, 0.0], control=0.0, dt=0.02, horizon=150, minimum=-50, maximum=50, square_root=square_root
+        )
+        for square_root in (False, True)
+    )  # fmt: skip
+    state, found = np.array([0.1, 0.0]), []
+    for _ in range(100):
+        result = plain.step(state, [0.0, 0.0])
+        assert result.status is not Status.KEPT_PREVIOUS
+        found.append(result.recovery)
+        state = plant(state, result.control, 0.02)
+    assert Recovery.FACTORED in found
+    assert set(found) <= {Recovery.NONE, Recovery.FACTORED}
+
+
 @pytest.mark.parametrize("square_root", [False, True])
 def test_after_a_step_without_an_answer_the_next_begins_from_the_initial_covariance(square_root):
     """A covariance that grew, then a state from where everything diverges; NaN as a state changes nothing."""

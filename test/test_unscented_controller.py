@@ -217,6 +217,10 @@ def test_what_is_handed_out_is_a_copy():
     drive.control[:] = np.nan
     np.testing.assert_array_equal(drive.control, kept)
     assert_usable(drive.step([0.0, 0.0], 0.01))
+    not_begun = drive.step([0.0, np.nan], 0.01)
+    expected = not_begun.predicted.copy()
+    not_begun.predicted[:] = 1e9
+    np.testing.assert_array_equal(drive.step([0.0, np.nan], 0.01).predicted, expected)
 
 
 def test_rate_limit_counts_per_unit_of_time():

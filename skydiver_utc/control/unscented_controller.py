@@ -182,7 +182,7 @@ class UnscentedTransformController:
 
     def _kept(self, reason: str) -> UtcResult:
         """The result of a step that could not begin."""
-        predicted = self._law.predicted
+        predicted = self._law.predicted.copy()
         return UtcResult(
             control=self.control,
             predicted=predicted,

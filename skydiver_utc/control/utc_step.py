@@ -30,10 +30,11 @@ class Recovery(IntEnum):
     NONE = 0
     ABOUT_CENTRE = 1
     RESTARTED = 2
+    FACTORED = 3
 
 
 # Literals for the kernels.
-NONE, ABOUT_CENTRE = int(Recovery.NONE), int(Recovery.ABOUT_CENTRE)
+NONE, ABOUT_CENTRE, FACTORED = int(Recovery.NONE), int(Recovery.ABOUT_CENTRE), int(Recovery.FACTORED)
 
 
 @kernel
@@ -70,7 +71,9 @@ def move(
     """eq:xpred to eq:utc_controller and the bounds; returns status, recovery, lost points, repair of Pu in all.
 
     A negative W0 can make C_y indefinite. The covariances are then taken about the central point, which so has no
-    part in them and leaves them positive (the modified form of Julier and Uhlmann, 2000).
+    part in them and leaves them positive (the modified form of Julier and Uhlmann, 2000). Rounding can do so with any
+    W0, where the outputs' covariance has eigenvalues further apart than the digits of a number: the step is then
+    left to `utc_square_root.factor_instead`.
     Control, covariance and predicted output stay as they are where the previous control is kept.
     """
     lost = means(x)
@@ -81,7 +84,7 @@ def move(
             control = x.next_control if reading == NONE else x.saved[0]
             output = x.next_predicted if reading == NONE else x.outputs[0]
             possible = covariances(x, Qu, control, output)
-            if possible:
+            if possible or not x.left[0] < 0.0:
                 break
     return conclude(rules, x, reference, possible, recovery, lost, drawing_repaired)
 
