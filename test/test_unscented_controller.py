@@ -349,6 +349,46 @@ def test_an_indefinite_covariance_is_repaired_and_reported():
     assert_usable(result, -9.0, 9.0)
 
 
+@pytest.mark.parametrize("given_later", [False, True])
+def test_the_square_root_form_tells_of_the_repair_of_a_given_covariance_once(given_later):
+    indefinite = [[1.0, 2.0], [2.0, 1.0]]
+    drive = controller(
+        lambda x, u, dt: x + dt * u, None, state=[0.0, 0.0], control=[0.0, 0.0], minimum=-9, maximum=9,
+        Pu=1.0 if given_later else indefinite, Qu=0.1, square_root=True,
+    )  # fmt: skip
+    if given_later:
+        drive.reset(Pu=indefinite)
+    result = drive.step([0.0, 0.0], [0.1, 0.1])
+    assert result.status is Status.REPAIRED
+    assert result.repaired == pytest.approx(1.0, rel=1e-6)
+    result = drive.step([0.0, 0.0], [0.1, 0.1])
+    assert result.status is Status.SOLVED
+    assert result.sentence.startswith("Solved; ")
+
+
+@pytest.mark.parametrize("square_root", [False, True])
+def test_controls_of_different_units_need_no_repair(square_root):
+    """A rocket of 1000 kg, thrust up to 20000 N, gimbal to 0.1 rad: variances 4e6 and 4e-4."""
+
+    def rocket(x, u, dt):
+        return x + dt * np.array([u[0] / 1000.0 * np.cos(u[1]) - 9.81, u[0] / 1000.0 * np.sin(u[1])])
+
+    drive = controller(
+        rocket,
+        None,
+        control=[9810.0, 0.0],
+        minimum=[0.0, -0.1],
+        maximum=[20000.0, 0.1],
+        square_root=square_root,
+    )
+    x = np.zeros(2)
+    for _ in range(60):
+        result = drive.step(x, [1.0, 0.2])
+        assert result.status in (Status.SOLVED, Status.SATURATED)
+        x = rocket(x, result.control, 0.1)
+    np.testing.assert_allclose(x, [1.0, 0.2], atol=1e-2)
+
+
 @pytest.mark.parametrize("Qu", [np.zeros((1, 1)), [[1e12]], 0.0])
 def test_a_process_noise_of_zero_or_huge(Qu):
     drive, x = controller(Qu=Qu), np.zeros(2)
@@ -368,8 +408,11 @@ anything = st.floats(allow_nan=True, allow_infinity=True)
     factor=arrays(float, (2, 2), elements=st.floats(-1e6, 1e6)),
     W0=st.floats(-20.0, 0.99),
     variance=st.floats(1e-12, 1e12),
+    square_root=st.booleans(),
 )
-def test_whatever_arrives_the_control_is_finite_and_in_bounds(states, reference, factor, W0, variance):
+def test_whatever_arrives_the_control_is_finite_and_in_bounds(
+    states, reference, factor, W0, variance, square_root
+):
     """Any state, any reference, any covariance that can be given, on a plant that can diverge."""
 
     def plant(x, u, dt):
@@ -380,6 +423,7 @@ def test_whatever_arrives_the_control_is_finite_and_in_bounds(states, reference,
     drive = UnscentedTransformController(
         plant, None, state=[0.0, 0.0], control=[0.0, 0.0], dt=0.1, horizon=5,
         minimum=[-1, -2], maximum=[3, 4], Pu=symmetric, Qu=symmetric, P_err=variance, W0=W0,
+        square_root=square_root,
     )  # fmt: skip
     for state in states:
         assert_usable(drive.step(state, [reference, 0.0]), np.array([-1, -2]), np.array([3, 4]))
@@ -432,6 +476,12 @@ WRONG = [
 def test_an_argument_that_is_wrong_is_named(changes, told):
     with pytest.raises(ValueError, match=re.escape(told)):
         controller(**changes)
+
+
+@pytest.mark.parametrize("Pu", [0.0, -1.0])
+def test_a_warm_start_asks_the_same_of_a_covariance(Pu):
+    with pytest.raises(ValueError, match="Pu has a"):
+        controller().reset(Pu=Pu)
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,7 @@ class UtcResult:
         told = []
         if self.lost:
             told.append(f"{self.lost} of {2 * len(self.control) + 1} sigma points diverged and were left out")
-        if self.repaired > 0.0:
+        if self.repaired > 0.0 and self.status is Status.REPAIRED:
             told.append(f"eigenvalues of Pu were lifted by {self.repaired:.3g} in all")
         if self.recovery is Recovery.ABOUT_CENTRE:
             told.append("W0 made the output's covariance indefinite, so it was taken about the central point")

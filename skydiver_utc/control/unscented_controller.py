@@ -36,7 +36,7 @@ class UnscentedTransformController:
         reference at step j; U^i of eq:xpred is then the control on the first step. None: the sigma point is held
     leak: share of Pu that is forgotten after each step, so that directions no output sees settle at Qu / leak
     square_root: keep a factor S of Pu = S S' and move that on; Qu should then have no negative eigenvalues
-    covariance_floor: smallest eigenvalue that the repair of Pu leaves; None: 1e-9 of the largest initial variance
+    covariance_floor: smallest eigenvalue that the repair of Pu leaves; None: 1e-9 of the smallest initial variance
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class UnscentedTransformController:
             self._Qu = arguments.number("Qu_ratio", Qu_ratio, least=0.0) * self._initial_Pu
         else:
             self._Qu = arguments.covariance("Qu", Qu, m, "controls")
-        floor = 1e-9 * float(np.diag(self._initial_Pu).max())
+        floor = 1e-9 * float(np.diag(self._initial_Pu).min())
         if covariance_floor is not None:
             floor = arguments.number("covariance_floor", covariance_floor, least=0.0)
 
@@ -110,9 +110,7 @@ class UnscentedTransformController:
         else:
             start = arguments.vector("control", control, m, "controls")
             arguments.bounds(self._limits.minimum, self._limits.maximum, start)
-        self._law.reset(
-            start, self._initial_Pu if Pu is None else arguments.covariance("Pu", Pu, m, "controls")
-        )
+        self._law.reset(start, self._initial_Pu if Pu is None else _given_Pu(Pu, m))
 
     @property
     def control(self) -> Array:
@@ -150,7 +148,7 @@ class UnscentedTransformController:
         reason = ""
         if step.status is Status.KEPT_PREVIOUS:
             reason = "the update of eq:utc_controller is not finite"
-            if step.lost:
+            if step.lost == 2 * len(before) + 1:
                 reason = f"{step.lost} of {2 * len(before) + 1} sigma points diverged inside the horizon"
         return UtcResult(
             control=step.control,
@@ -223,13 +221,15 @@ def _horizon(horizon: int | Sequence[int]) -> tuple[int, ...]:
 
 def _initial_Pu(Pu: ArrayLike | None, limits: ControlLimits, m: int) -> Array:
     if Pu is not None:
-        given = arguments.covariance("Pu", Pu, m, "controls")
-        if not (np.diag(given) > 0.0).all():
-            raise ValueError(
-                "Pu has a variance of zero: that control would never be tried; give it a small one."
-            )
-        return given
+        return _given_Pu(Pu, m)
     spans = limits.maximum - limits.minimum
     if not (np.isfinite(spans) & (spans > 0.0)).all():
         raise ValueError("Pu is needed, because not every control has a finite range to take it from.")
     return np.diag((0.1 * spans) ** 2)
+
+
+def _given_Pu(Pu: ArrayLike, m: int) -> Array:
+    given = arguments.covariance("Pu", Pu, m, "controls")
+    if not (np.diag(given) > 0.0).all():
+        raise ValueError("Pu has a variance of zero: that control would never be tried; give it a small one.")
+    return given

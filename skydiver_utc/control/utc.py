@@ -60,11 +60,11 @@ class UtcLaw:
     `square_root` keeps a factor S of Pu = S S' and moves that on, the same law in exact arithmetic.
 
     A sigma point that diverges inside the horizon (an output that is not finite, or beyond 1e100) is left out: the
-    weights of the others are scaled to the same sum. Mean and spread so move away from where the model diverges.
-    Where a negative W0 makes C_y indefinite, the covariances are taken about the central point; where rounding does,
-    that step is computed in square-root form.
+    weights of the others are scaled to the same sum, and made equal if W0 < 0. Mean and spread so move away from
+    where the model diverges. Where a negative W0 makes C_y indefinite, the covariances are taken about the central
+    point; where rounding does, that step is computed in square-root form.
 
-    The previous control is kept when no weight is left or the update is not finite. Such a step could fail again
+    The previous control is kept when no point is left or the update is not finite. Such a step could fail again
     and again, so the next one begins from the initial Pu; but a state or reference that is not finite is no reason
     to forget Pu.
     """
@@ -141,12 +141,15 @@ class UtcLaw:
         self._own.control[:] = control
 
     def begin_from(self, covariance: Array) -> None:
-        """Go on from the control as it is, with another Pu (m, m)."""
+        """Go on from the control as it is, with another Pu (m, m); the next step tells of its repair."""
         own = self._own
         own.covariance[:] = covariance
         own.deviations[:] = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
+        self._repaired_before, self._trace_before = 0.0, float(covariance.trace())
         if self._rules.square_root:
-            symmetric_root(own.covariance, self._rules.floor, False, own.factor, own.values, own.vectors)
+            self._repaired_before = symmetric_root(
+                own.covariance, self._rules.floor, False, own.factor, own.values, own.vectors
+            )
 
     def step(self, state: Array, preview: Array, reference: Array, Qu: Array) -> UtcStep:
         """Move the control towards `reference` (l,), the output wanted at the horizon."""
@@ -160,6 +163,11 @@ class UtcLaw:
                 self._rules, own, reference, Qu, lost, repaired
             )
             failed = status == Status.KEPT_PREVIOUS
+        if self._repaired_before > 0.0:
+            repaired += self._repaired_before
+            if not failed and self._repaired_before > utc_step.ROUNDING * self._trace_before:
+                status = Status.REPAIRED
+            self._repaired_before = 0.0
         control, predicted = own.control.copy(), own.predicted.copy()
         if not failed:
             innovation = own.innovation.copy()

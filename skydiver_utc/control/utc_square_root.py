@@ -67,7 +67,7 @@ def factor_instead(
 
 @kernel
 def about_mean_or_centre(x: Memory, Qu: Array) -> tuple[int, float]:
-    """About the mean or, where C_y is then not definite, about the central point: which, and `covariances`' answer."""
+    """`covariances` about the mean or, where C_y is then not definite, the centre: which of them, its answer."""
     recovery, refused = NONE, -1.0
     for reading in (NONE, ABOUT_CENTRE):
         recovery = reading
