@@ -500,7 +500,7 @@ def test_a_step_with_the_wrong_shape_is_an_error(state, reference, told):
 
 def test_a_jitted_plant_beside_an_output_that_cannot_be_compiled_is_named():
     not_arrays = object()
-    with pytest.raises(ValueError, match="does not compile"):
+    with pytest.raises(ValueError, match="does not compile: Untyped"):
         controller(numba.njit(cart), lambda x: 1.0 if not_arrays else 0.0)
 
 

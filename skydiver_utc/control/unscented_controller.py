@@ -5,11 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skydiver_utc.control import arguments
+from skydiver_utc.control import arguments, plant_functions
 from skydiver_utc.control.limits import ControlLimits
+from skydiver_utc.control.plant_functions import ControlDynamics, Output, Plant
 from skydiver_utc.control.protocol import Status
 from skydiver_utc.control.result import UtcResult, limits_met
-from skydiver_utc.control.roll_out import ControlDynamics, Output, Plant, RollOut
+from skydiver_utc.control.roll_out import RollOut
 from skydiver_utc.control.utc import UtcLaw
 from skydiver_utc.control.utc_step import Recovery
 
@@ -71,8 +72,11 @@ class UnscentedTransformController:
         self._limits = _limits(minimum, maximum, rate, self._initial_control, dt)
         self._steps = _horizon(horizon)
         output = _same if output is None else output
-        self._l = arguments.outputs(plant, output, start, self._initial_control, dt)
+        self._l = plant_functions.outputs(plant, output, start, self._initial_control, dt)
         l_all = self._l * len(self._steps)
+        preview = np.zeros((self._steps[-1] + 1, self._l))
+        if control_dynamics is not None:
+            plant_functions.try_dynamics(control_dynamics, self._initial_control, start, preview)
 
         P_err = arguments.positive_definite("P_err", P_err, self._l, "outputs")
         self._initial_Pu = _initial_Pu(Pu, self._limits, m)
@@ -93,11 +97,11 @@ class UnscentedTransformController:
             arguments.number("W0", W0, below=1.0),
             covariance_floor=floor,
             leak=arguments.number("leak", leak, least=0.0, below=1.0),
-            square_root=square_root,
+            square_root=arguments.flag("square_root", square_root),
         )
         points = np.tile(self._initial_control, (2 * m + 1, 1))
         roll_out.check(
-            start, self._initial_control, points, np.zeros((self._steps[-1] + 1, self._l)),
+            start, self._initial_control, points, preview,
             np.empty((2 * m + 1, l_all)), np.empty((2 * m + 1, m)),
         )  # fmt: skip
         self.reset()
@@ -138,7 +142,7 @@ class UnscentedTransformController:
         A state or reference that is not finite keeps the control; a wrong shape is an error.
         """
         before = self.control
-        x = arguments.exactly("state", np.atleast_1d(np.asarray(state, dtype=float)), (self._n,))
+        x = arguments.exactly("state", state, (self._n,))
         preview = self._preview(reference)
         noise = self._Qu if Qu is None else arguments.covariance("Qu", Qu, len(before), "controls")
         for name, array in (("state", x), ("reference", preview)):
@@ -212,7 +216,8 @@ def _limits(
 
 
 def _horizon(horizon: int | Sequence[int]) -> tuple[int, ...]:
-    given = horizon if isinstance(horizon, (Sequence, np.ndarray)) else (horizon,)
+    plain = horizon.tolist() if isinstance(horizon, np.ndarray) else horizon
+    given = plain if isinstance(plain, Sequence) else (plain,)
     steps = tuple(arguments.count("horizon", step) for step in given)
     if not steps or list(steps) != sorted(set(steps)):
         raise ValueError(f"horizon is {horizon!r}; several steps must be in rising order.")
