@@ -53,6 +53,78 @@ def test_the_sentence_names_the_recovery():
     assert "about the central point" in result.sentence
 
 
+def test_outputs_whose_covariance_rounding_makes_indefinite():
+    """y = 1e8 (1, 2, 3) u with P_err = 1e-4: C_y has eigenvalues of about 1e16 and 1e-4, 20 digits apart.
+
+    u moves to the reference within P_err, and Pu becomes P_err / (1e16 x 14) and Qu. A step in which the rounding
+    leaves C_y definite by chance needs nothing.
+    """
+    slopes = 1e8 * np.array([1.0, 2.0, 3.0])
+    controller = UnscentedTransformController(
+        lambda x, u, dt: slopes * u, state=np.zeros(3), control=0.0, dt=1.0, horizon=1, Pu=0.04, Qu=0.004
+    )
+    found = []
+    for wanted in (0.1, -0.2, 0.3, 0.35, -0.4):
+        result = controller.step(np.zeros(3), slopes * wanted)
+        found.append(result.recovery)
+        if result.recovery is Recovery.FACTORED:
+            assert result.status is Status.REPAIRED
+            assert "rounding made the output's covariance indefinite" in result.sentence
+        assert "W0" not in result.sentence
+        np.testing.assert_allclose(result.control, [wanted], rtol=1e-9)
+        np.testing.assert_allclose(result.covariance, [[0.004 + 1e-4 / (14 * 1e16)]], rtol=1e-9)
+    assert Recovery.FACTORED in found
+    assert set(found) <= {Recovery.NONE, Recovery.FACTORED}
+
+
+def test_an_unstable_pole_whose_growth_exceeds_the_digits_of_a_covariance():
+    """x'' = 36 x + u over 3 s: position and speed grow e^18-fold, as one; every step has an answer, without W0."""
+
+    def plant(x, u, dt):
+        return np.array([x[0] + dt * x[1], x[1] + dt * (36.0 * x[0] + u[0])])
+
+    controller = UnscentedTransformController(
+        plant, state=[0.1, 0.0], control=0.0, dt=0.02, horizon=150, minimum=-50, maximum=50
+    )
+    state, found = np.array([0.1, 0.0]), []
+    for _ in range(100):
+        result = controller.step(state, [0.0, 0.0])
+        assert result.status is not Status.KEPT_PREVIOUS
+        found.append(result.recovery)
+        state = plant(state, result.control, 0.02)
+    assert Recovery.FACTORED in found
+    assert set(found) <= {Recovery.NONE, Recovery.FACTORED}
+
+
+@pytest.mark.parametrize("square_root", [False, True])
+@pytest.mark.parametrize("lost", [(1,), (0,), (1, 4), (1, 2, 3, 4)])
+@pytest.mark.parametrize("W0", [-3.0, -2.9])
+def test_what_is_left_beside_a_negative_central_weight_weighs_the_same(W0, lost, square_root):
+    """Two controls, W0 = -3: each other point weighs 1, so that without one of them nothing would be left.
+
+    y = 2 u0 - u1 of Pu = I; moments of the remaining points under equal weights, by NumPy.
+    """
+    slopes, P_err, Qu = np.array([[2.0, -1.0]]), np.array([[0.5]]), 0.1 * np.eye(2)
+
+    def predict(state, applied, points, preview, outputs, saved):
+        outputs[:] = points @ slopes.T
+        outputs[list(lost)] = np.nan
+        saved[:] = points
+
+    limits = ControlLimits(*(np.repeat(limit, 2) for limit in FREE))
+    law = UtcLaw(predict, limits, P_err, W0, square_root=square_root)
+    law.reset(np.array([0.3, 0.2]), np.eye(2))
+    step = law.step(np.zeros(1), np.zeros(1), np.array([1.0]), Qu)
+    distance = np.sqrt(2.0 / (1.0 - W0))
+    points = np.array([0.3, 0.2]) + distance * np.vstack([np.zeros(2), np.eye(2), -np.eye(2)])
+    points = np.delete(points, lost, axis=0)
+    mean, Pu = points.mean(axis=0), np.atleast_2d(np.cov(points.T, bias=True))
+    gain = Pu @ slopes.T @ np.linalg.inv(slopes @ Pu @ slopes.T + P_err)
+    np.testing.assert_allclose(step.control, mean + gain @ (1.0 - slopes @ mean), rtol=1e-12)
+    np.testing.assert_allclose(law.covariance, Qu + Pu - gain @ slopes @ Pu, rtol=1e-11, atol=1e-14)
+    assert (step.status, step.recovery, step.lost) == (Status.REPAIRED, Recovery.NONE, len(lost))
+
+
 @pytest.mark.parametrize("square_root", [False, True])
 def test_after_a_step_without_an_answer_the_next_begins_from_the_initial_covariance(square_root):
     """A covariance that grew, then a state from where everything diverges; NaN as a state changes nothing."""

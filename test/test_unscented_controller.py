@@ -217,6 +217,10 @@ def test_what_is_handed_out_is_a_copy():
     drive.control[:] = np.nan
     np.testing.assert_array_equal(drive.control, kept)
     assert_usable(drive.step([0.0, 0.0], 0.01))
+    not_begun = drive.step([0.0, np.nan], 0.01)
+    expected = not_begun.predicted.copy()
+    not_begun.predicted[:] = 1e9
+    np.testing.assert_array_equal(drive.step([0.0, np.nan], 0.01).predicted, expected)
 
 
 def test_rate_limit_counts_per_unit_of_time():
@@ -345,6 +349,46 @@ def test_an_indefinite_covariance_is_repaired_and_reported():
     assert_usable(result, -9.0, 9.0)
 
 
+@pytest.mark.parametrize("given_later", [False, True])
+def test_the_square_root_form_tells_of_the_repair_of_a_given_covariance_once(given_later):
+    indefinite = [[1.0, 2.0], [2.0, 1.0]]
+    drive = controller(
+        lambda x, u, dt: x + dt * u, None, state=[0.0, 0.0], control=[0.0, 0.0], minimum=-9, maximum=9,
+        Pu=1.0 if given_later else indefinite, Qu=0.1, square_root=True,
+    )  # fmt: skip
+    if given_later:
+        drive.reset(Pu=indefinite)
+    result = drive.step([0.0, 0.0], [0.1, 0.1])
+    assert result.status is Status.REPAIRED
+    assert result.repaired == pytest.approx(1.0, rel=1e-6)
+    result = drive.step([0.0, 0.0], [0.1, 0.1])
+    assert result.status is Status.SOLVED
+    assert result.sentence.startswith("Solved; ")
+
+
+@pytest.mark.parametrize("square_root", [False, True])
+def test_controls_of_different_units_need_no_repair(square_root):
+    """A rocket of 1000 kg, thrust up to 20000 N, gimbal to 0.1 rad: variances 4e6 and 4e-4."""
+
+    def rocket(x, u, dt):
+        return x + dt * np.array([u[0] / 1000.0 * np.cos(u[1]) - 9.81, u[0] / 1000.0 * np.sin(u[1])])
+
+    drive = controller(
+        rocket,
+        None,
+        control=[9810.0, 0.0],
+        minimum=[0.0, -0.1],
+        maximum=[20000.0, 0.1],
+        square_root=square_root,
+    )
+    x = np.zeros(2)
+    for _ in range(60):
+        result = drive.step(x, [1.0, 0.2])
+        assert result.status in (Status.SOLVED, Status.SATURATED)
+        x = rocket(x, result.control, 0.1)
+    np.testing.assert_allclose(x, [1.0, 0.2], atol=1e-2)
+
+
 @pytest.mark.parametrize("Qu", [np.zeros((1, 1)), [[1e12]], 0.0])
 def test_a_process_noise_of_zero_or_huge(Qu):
     drive, x = controller(Qu=Qu), np.zeros(2)
@@ -364,8 +408,11 @@ anything = st.floats(allow_nan=True, allow_infinity=True)
     factor=arrays(float, (2, 2), elements=st.floats(-1e6, 1e6)),
     W0=st.floats(-20.0, 0.99),
     variance=st.floats(1e-12, 1e12),
+    square_root=st.booleans(),
 )
-def test_whatever_arrives_the_control_is_finite_and_in_bounds(states, reference, factor, W0, variance):
+def test_whatever_arrives_the_control_is_finite_and_in_bounds(
+    states, reference, factor, W0, variance, square_root
+):
     """Any state, any reference, any covariance that can be given, on a plant that can diverge."""
 
     def plant(x, u, dt):
@@ -376,6 +423,7 @@ def test_whatever_arrives_the_control_is_finite_and_in_bounds(states, reference,
     drive = UnscentedTransformController(
         plant, None, state=[0.0, 0.0], control=[0.0, 0.0], dt=0.1, horizon=5,
         minimum=[-1, -2], maximum=[3, 4], Pu=symmetric, Qu=symmetric, P_err=variance, W0=W0,
+        square_root=square_root,
     )  # fmt: skip
     for state in states:
         assert_usable(drive.step(state, [reference, 0.0]), np.array([-1, -2]), np.array([3, 4]))
@@ -430,6 +478,12 @@ def test_an_argument_that_is_wrong_is_named(changes, told):
         controller(**changes)
 
 
+@pytest.mark.parametrize("Pu", [0.0, -1.0])
+def test_a_warm_start_asks_the_same_of_a_covariance(Pu):
+    with pytest.raises(ValueError, match="Pu has a"):
+        controller().reset(Pu=Pu)
+
+
 @pytest.mark.parametrize(
     ("state", "reference", "told"),
     [
@@ -446,7 +500,7 @@ def test_a_step_with_the_wrong_shape_is_an_error(state, reference, told):
 
 def test_a_jitted_plant_beside_an_output_that_cannot_be_compiled_is_named():
     not_arrays = object()
-    with pytest.raises(ValueError, match="does not compile"):
+    with pytest.raises(ValueError, match="does not compile: Untyped"):
         controller(numba.njit(cart), lambda x: 1.0 if not_arrays else 0.0)
 
 

@@ -1,6 +1,5 @@
 """What a user hands to the controller, checked once: every error is one sentence that names the argument."""
 
-import inspect
 from typing import Any
 
 import numpy as np
@@ -13,13 +12,16 @@ def numbers(name: str, value: Any) -> Array:
     """The value as an array of finite numbers, a copy."""
     array = any_numbers(name, value)
     if not np.isfinite(array).all():
-        raise ValueError(f"{name} holds a value that is not finite: {_shown(array)}.")
+        raise ValueError(f"{name} holds a value that is not finite: {shown(array)}.")
     return array
 
 
 def any_numbers(name: str, value: Any) -> Array:
     """The value as an array of numbers, NaN and infinity allowed, a copy."""
     try:
+        # Before the conversion, which would drop an imaginary part.
+        if np.iscomplexobj(value):
+            raise TypeError("complex")
         return np.array(value, dtype=float)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} must be numbers, not {value!r}.") from error
@@ -35,9 +37,9 @@ def vector(name: str, value: Any, size: int, of: str, *, finite: bool = True) ->
     return array
 
 
-def exactly(name: str, value: Array, shape: tuple[int, ...]) -> Array:
+def exactly(name: str, value: Any, shape: tuple[int, ...]) -> Array:
     """An array of just this shape, NaN allowed: what arrives on every step."""
-    array = np.asarray(value, dtype=float)
+    array = np.atleast_1d(any_numbers(name, value))
     if array.shape != shape:
         raise ValueError(f"{name} has shape {array.shape} instead of {shape}.")
     return array
@@ -56,7 +58,7 @@ def covariance(name: str, value: Any, size: int, of: str) -> Array:
     if not np.allclose(array, array.T, rtol=1e-9, atol=1e-12 * np.abs(array).max()):
         raise ValueError(f"{name} is not symmetric; give (A + A.T) / 2.")
     if (np.diag(array) < 0.0).any():
-        raise ValueError(f"{name} has a negative variance on its diagonal: {_shown(np.diag(array))}.")
+        raise ValueError(f"{name} has a negative variance on its diagonal: {shown(np.diag(array))}.")
     return array
 
 
@@ -80,7 +82,7 @@ def number(
     """One finite number inside its bounds."""
     array = numbers(name, value)
     if array.size != 1:
-        raise ValueError(f"{name} must be one number, not {_shown(array)}.")
+        raise ValueError(f"{name} must be one number, not {shown(array)}.")
     single = float(array.reshape(()))
     if above is not None and not single > above:
         raise ValueError(f"{name} is {single:g}; it must be above {above:g}.")
@@ -117,40 +119,13 @@ def bounds(minimum: Any, maximum: Any, control: Array) -> tuple[Array, Array]:
     return low, high
 
 
-def outputs(plant: Any, output: Any, state: Array, control: Array, dt: float) -> int:
-    """How many outputs the output map has, after one step of the plant from an example."""
-    if not callable(plant) or len(inspect.signature(getattr(plant, "py_func", plant)).parameters) not in (
-        3,
-        4,
-    ):
-        raise ValueError(
-            "plant must be a function (state, control, dt) -> state, or (state, control, dt, out)."
-        )
-    following = np.empty_like(state)
-    if writes_into(plant):
-        plant(state.copy(), control.copy(), dt, following)
-    else:
-        following = np.asarray(plant(state.copy(), control.copy(), dt), dtype=float)
-    if following.shape != state.shape:
-        raise ValueError(f"plant returns shape {following.shape} for a state of shape {state.shape}.")
-    if not np.isfinite(following).all():
-        raise ValueError(
-            f"plant returns {_shown(following)} for the state and control given: it must be finite."
-        )
-    if not callable(output):
-        raise ValueError("output must be a function of the state, or None for the whole state.")
-    values = np.asarray(output(following), dtype=float)
-    if values.ndim > 1 or values.size == 0:
-        raise ValueError(f"output returns shape {values.shape}; it must be a vector or one number.")
-    if not np.isfinite(values).all():
-        raise ValueError(f"output returns {_shown(values)} one step from the state given: it must be finite.")
-    return values.size
+def flag(name: str, value: Any) -> bool:
+    """True or False."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ValueError(f"{name} is {value!r}; it must be True or False.")
+    return bool(value)
 
 
-def writes_into(plant: Any) -> bool:
-    """Whether a plain or jitted plant takes a fourth argument, into which it writes."""
-    return len(inspect.signature(getattr(plant, "py_func", plant)).parameters) == 4
-
-
-def _shown(array: Array) -> str:
+def shown(array: Array) -> str:
+    """The array in one line."""
     return np.array2string(array, precision=4, threshold=12, separator=", ").replace("\n", "")

@@ -22,7 +22,7 @@ class UtcResult:
     covariance (m, m): Pu after the step
     repaired: what had to be added to the eigenvalues of Pu before its root could be taken
     lost: how many of the 2m+1 sigma points diverged inside the horizon and were left out
-    recovery: what was done where a negative W0 or a failed step asked for more
+    recovery: what was done where a negative W0, rounding or a failed step asked for more
     status, sentence: what happened, as a code and in words
     """
 
@@ -54,10 +54,14 @@ class UtcResult:
         told = []
         if self.lost:
             told.append(f"{self.lost} of {2 * len(self.control) + 1} sigma points diverged and were left out")
-        if self.repaired > 0.0:
+        if self.repaired > 0.0 and self.status is Status.REPAIRED:
             told.append(f"eigenvalues of Pu were lifted by {self.repaired:.3g} in all")
         if self.recovery is Recovery.ABOUT_CENTRE:
             told.append("W0 made the output's covariance indefinite, so it was taken about the central point")
+        if self.recovery is Recovery.FACTORED:
+            told.append(
+                "rounding made the output's covariance indefinite, so it was factored from the deviations"
+            )
         told.extend(self.limited)
         if not told:
             return f"Solved; the reference is {np.abs(self.innovation).max():.3g} from the predicted output."

@@ -3,7 +3,6 @@
 One text serves both: `_roll_out` is compiled when the plant is a numba function and interpreted when it is not.
 """
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -12,17 +11,10 @@ import numpy as np
 from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
-from skydiver_utc.control.arguments import writes_into
 from skydiver_utc.control.limits import ControlLimits
+from skydiver_utc.control.plant_functions import ControlDynamics, Output, Plant, one_line, writes_into
 
 Array = NDArray[np.float64]
-
-# plant(state (n,), control (m,), dt) -> state (n,) a step later; or plant(state, control, dt, out) that writes it.
-Plant = Callable[..., Any]
-# output(state (n,)) -> outputs (l,), or one number.
-Output = Callable[[Array], Any]
-# control_dynamics(point (m,), control (m,) before, state (n,), preview (N+1, l), j) -> control (m,) on step j.
-ControlDynamics = Callable[[Array, Array, Array, Array, int], Any]
 
 
 class RollOut:
@@ -58,20 +50,25 @@ class RollOut:
         try:
             self(*example)
         except NumbaError as error:
-            reason = str(error).strip().splitlines()[-1].strip()
             raise ValueError(
-                f"plant is jitted, but it or output or control_dynamics does not compile: {reason}"
+                f"plant is jitted, but it or output or control_dynamics does not compile: {one_line(error)}."
             ) from error
 
     def __call__(
         self, state: Array, applied: Array, points: Array, preview: Array, outputs: Array, saved: Array
     ) -> None:
         """Write outputs (2m+1, l), NaN where a point diverged, and the controls (2m+1, m) that stand for points."""
-        with np.errstate(all="ignore"):
-            self._roll_out(
-                state, applied, points, preview, self._steps, self._dt, self._own_dynamics,
-                self._limits.minimum, self._limits.maximum, self._limits.slew, outputs, saved, *self._work,
-            )  # fmt: skip
+        try:
+            with np.errstate(all="ignore"):
+                self._roll_out(
+                    state, applied, points, preview, self._steps, self._dt, self._own_dynamics,
+                    self._limits.minimum, self._limits.maximum, self._limits.slew, outputs, saved, *self._work,
+                )  # fmt: skip
+        except ArithmeticError as error:
+            raise ValueError(
+                f"plant is jitted, and it or output or control_dynamics raises {type(error).__name__}"
+                f' ({one_line(error)}); jit it with @njit(error_model="numpy"), so that it goes on with infinity.'
+            ) from error
 
 
 def is_jitted(function: object) -> bool:
@@ -80,7 +77,7 @@ def is_jitted(function: object) -> bool:
 
 
 def _plain(plant: Any, output: Any, dynamics: Any) -> Any:
-    return _roll_out(_diverging(_writing(plant)), output, dynamics)
+    return _roll_out(_guarded_plant(_writing(plant)), _or_nan(output), _or_nan(dynamics, of_control=True))
 
 
 @lru_cache(maxsize=64)
@@ -106,16 +103,41 @@ def _writing(plant: Any) -> Any:
     return write
 
 
-def _diverging(write: Any) -> Any:
+def _guarded_plant(write: Any) -> Any:
     """Plain Python raises where compiled code goes on with infinity: both mean that the point diverged."""
 
     def guarded(state: Array, control: Array, dt: float, out: Array) -> None:
+        out[:] = np.nan
+        # Control dynamics that diverged: the plant need not know what to do with NaN.
+        if not np.isfinite(control).all():
+            return
         try:
             write(state, control, dt, out)
-        except ArithmeticError:
+        except (ArithmeticError, ValueError) as error:
+            _only_arithmetic(error)
             out[:] = np.nan
 
     return guarded
+
+
+def _or_nan(function: Any, *, of_control: bool = False) -> Any:
+    """The output map or the control dynamics, NaN where the arithmetic fails."""
+
+    def guarded(*given: Any) -> Any:
+        try:
+            return function(*given)
+        except (ArithmeticError, ValueError) as error:
+            _only_arithmetic(error)
+            return np.full_like(given[0], np.nan) if of_control else np.nan
+
+    return guarded
+
+
+def _only_arithmetic(error: Exception) -> None:
+    """Raise again what is no failure of the arithmetic; math.sqrt(-1.0) is one, and a matrix without inverse."""
+    if isinstance(error, (ArithmeticError, np.linalg.LinAlgError)) or str(error) == "math domain error":
+        return
+    raise error
 
 
 def _held(point: Array, control: Array, state: Array, preview: Array, j: int) -> Array:

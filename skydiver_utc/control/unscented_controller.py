@@ -5,11 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skydiver_utc.control import arguments
+from skydiver_utc.control import arguments, plant_functions
 from skydiver_utc.control.limits import ControlLimits
+from skydiver_utc.control.plant_functions import ControlDynamics, Output, Plant
 from skydiver_utc.control.protocol import Status
 from skydiver_utc.control.result import UtcResult, limits_met
-from skydiver_utc.control.roll_out import ControlDynamics, Output, Plant, RollOut
+from skydiver_utc.control.roll_out import RollOut
 from skydiver_utc.control.utc import UtcLaw
 from skydiver_utc.control.utc_step import Recovery
 
@@ -36,7 +37,7 @@ class UnscentedTransformController:
         reference at step j; U^i of eq:xpred is then the control on the first step. None: the sigma point is held
     leak: share of Pu that is forgotten after each step, so that directions no output sees settle at Qu / leak
     square_root: keep a factor S of Pu = S S' and move that on; Qu should then have no negative eigenvalues
-    covariance_floor: smallest eigenvalue that the repair of Pu leaves; None: 1e-9 of the largest initial variance
+    covariance_floor: smallest eigenvalue that the repair of Pu leaves; None: 1e-9 of the smallest initial variance
     """
 
     def __init__(
@@ -71,8 +72,11 @@ class UnscentedTransformController:
         self._limits = _limits(minimum, maximum, rate, self._initial_control, dt)
         self._steps = _horizon(horizon)
         output = _same if output is None else output
-        self._l = arguments.outputs(plant, output, start, self._initial_control, dt)
+        self._l = plant_functions.outputs(plant, output, start, self._initial_control, dt)
         l_all = self._l * len(self._steps)
+        preview = np.zeros((self._steps[-1] + 1, self._l))
+        if control_dynamics is not None:
+            plant_functions.try_dynamics(control_dynamics, self._initial_control, start, preview)
 
         P_err = arguments.positive_definite("P_err", P_err, self._l, "outputs")
         self._initial_Pu = _initial_Pu(Pu, self._limits, m)
@@ -80,7 +84,7 @@ class UnscentedTransformController:
             self._Qu = arguments.number("Qu_ratio", Qu_ratio, least=0.0) * self._initial_Pu
         else:
             self._Qu = arguments.covariance("Qu", Qu, m, "controls")
-        floor = 1e-9 * float(np.diag(self._initial_Pu).max())
+        floor = 1e-9 * float(np.diag(self._initial_Pu).min())
         if covariance_floor is not None:
             floor = arguments.number("covariance_floor", covariance_floor, least=0.0)
 
@@ -93,11 +97,11 @@ class UnscentedTransformController:
             arguments.number("W0", W0, below=1.0),
             covariance_floor=floor,
             leak=arguments.number("leak", leak, least=0.0, below=1.0),
-            square_root=square_root,
+            square_root=arguments.flag("square_root", square_root),
         )
         points = np.tile(self._initial_control, (2 * m + 1, 1))
         roll_out.check(
-            start, self._initial_control, points, np.zeros((self._steps[-1] + 1, self._l)),
+            start, self._initial_control, points, preview,
             np.empty((2 * m + 1, l_all)), np.empty((2 * m + 1, m)),
         )  # fmt: skip
         self.reset()
@@ -110,9 +114,7 @@ class UnscentedTransformController:
         else:
             start = arguments.vector("control", control, m, "controls")
             arguments.bounds(self._limits.minimum, self._limits.maximum, start)
-        self._law.reset(
-            start, self._initial_Pu if Pu is None else arguments.covariance("Pu", Pu, m, "controls")
-        )
+        self._law.reset(start, self._initial_Pu if Pu is None else _given_Pu(Pu, m))
 
     @property
     def control(self) -> Array:
@@ -140,7 +142,7 @@ class UnscentedTransformController:
         A state or reference that is not finite keeps the control; a wrong shape is an error.
         """
         before = self.control
-        x = arguments.exactly("state", np.atleast_1d(np.asarray(state, dtype=float)), (self._n,))
+        x = arguments.exactly("state", state, (self._n,))
         preview = self._preview(reference)
         noise = self._Qu if Qu is None else arguments.covariance("Qu", Qu, len(before), "controls")
         for name, array in (("state", x), ("reference", preview)):
@@ -150,7 +152,7 @@ class UnscentedTransformController:
         reason = ""
         if step.status is Status.KEPT_PREVIOUS:
             reason = "the update of eq:utc_controller is not finite"
-            if step.lost:
+            if step.lost == 2 * len(before) + 1:
                 reason = f"{step.lost} of {2 * len(before) + 1} sigma points diverged inside the horizon"
         return UtcResult(
             control=step.control,
@@ -182,7 +184,7 @@ class UnscentedTransformController:
 
     def _kept(self, reason: str) -> UtcResult:
         """The result of a step that could not begin."""
-        predicted = self._law.predicted
+        predicted = self._law.predicted.copy()
         return UtcResult(
             control=self.control,
             predicted=predicted,
@@ -214,7 +216,8 @@ def _limits(
 
 
 def _horizon(horizon: int | Sequence[int]) -> tuple[int, ...]:
-    given = horizon if isinstance(horizon, (Sequence, np.ndarray)) else (horizon,)
+    plain = horizon.tolist() if isinstance(horizon, np.ndarray) else horizon
+    given = plain if isinstance(plain, Sequence) else (plain,)
     steps = tuple(arguments.count("horizon", step) for step in given)
     if not steps or list(steps) != sorted(set(steps)):
         raise ValueError(f"horizon is {horizon!r}; several steps must be in rising order.")
@@ -223,13 +226,15 @@ def _horizon(horizon: int | Sequence[int]) -> tuple[int, ...]:
 
 def _initial_Pu(Pu: ArrayLike | None, limits: ControlLimits, m: int) -> Array:
     if Pu is not None:
-        given = arguments.covariance("Pu", Pu, m, "controls")
-        if not (np.diag(given) > 0.0).all():
-            raise ValueError(
-                "Pu has a variance of zero: that control would never be tried; give it a small one."
-            )
-        return given
+        return _given_Pu(Pu, m)
     spans = limits.maximum - limits.minimum
     if not (np.isfinite(spans) & (spans > 0.0)).all():
         raise ValueError("Pu is needed, because not every control has a finite range to take it from.")
     return np.diag((0.1 * spans) ** 2)
+
+
+def _given_Pu(Pu: ArrayLike, m: int) -> Array:
+    given = arguments.covariance("Pu", Pu, m, "controls")
+    if not (np.diag(given) > 0.0).all():
+        raise ValueError("Pu has a variance of zero: that control would never be tried; give it a small one.")
+    return given

@@ -60,10 +60,11 @@ class UtcLaw:
     `square_root` keeps a factor S of Pu = S S' and moves that on, the same law in exact arithmetic.
 
     A sigma point that diverges inside the horizon (an output that is not finite, or beyond 1e100) is left out: the
-    weights of the others are scaled to the same sum. Mean and spread so move away from where the model diverges.
-    Where a negative W0 makes C_y indefinite, the covariances are taken about the central point.
+    weights of the others are scaled to the same sum, and made equal if W0 < 0. Mean and spread so move away from
+    where the model diverges. Where a negative W0 makes C_y indefinite, the covariances are taken about the central
+    point; where rounding does, that step is computed in square-root form.
 
-    The previous control is kept when no weight is left or the update is not finite. Such a step could fail again
+    The previous control is kept when no point is left or the update is not finite. Such a step could fail again
     and again, so the next one begins from the initial Pu; but a state or reference that is not finite is no reason
     to forget Pu.
     """
@@ -99,8 +100,7 @@ class UtcLaw:
         own = self._own = memory(self._block, m, len(P_err))
         own.minimum[:], own.maximum[:], own.slew[:] = limits
         own.P_err[:] = P_err
-        if square_root:
-            own.P_err_factor[:] = np.linalg.cholesky(P_err)
+        own.P_err_factor[:] = np.linalg.cholesky(P_err)
         own.weights[:] = weights(m, W0)
         own.output_weights[:] = own.weights if output_weights is None else output_weights
         form = utc_square_root if square_root else utc_step
@@ -141,29 +141,44 @@ class UtcLaw:
         self._own.control[:] = control
 
     def begin_from(self, covariance: Array) -> None:
-        """Go on from the control as it is, with another Pu (m, m)."""
+        """Go on from the control as it is, with another Pu (m, m); the next step tells of its repair."""
         own = self._own
         own.covariance[:] = covariance
         own.deviations[:] = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
+        self._repaired_before, self._trace_before = 0.0, float(covariance.trace())
         if self._rules.square_root:
-            symmetric_root(own.covariance, self._rules.floor, False, own.factor, own.values, own.vectors)
+            self._repaired_before = symmetric_root(
+                own.covariance, self._rules.floor, False, own.factor, own.values, own.vectors
+            )
 
     def step(self, state: Array, preview: Array, reference: Array, Qu: Array) -> UtcStep:
         """Move the control towards `reference` (l,), the output wanted at the horizon."""
         own = self._own
         status, recovery, lost, repaired = self._run(self._rules, self._block, state, preview, reference, Qu)
+        failed = status == Status.KEPT_PREVIOUS
+        sound = failed and all(bool(np.isfinite(given).all()) for given in (state, preview, reference))
+        if sound and not self._rules.square_root and lost < len(own.points):
+            # Called from here, so that only those who need it wait for its compilation.
+            status, recovery, lost, repaired = utc_square_root.factor_instead(
+                self._rules, own, reference, Qu, lost, repaired
+            )
+            failed = status == Status.KEPT_PREVIOUS
+        if self._repaired_before > 0.0:
+            repaired += self._repaired_before
+            if not failed and self._repaired_before > utc_step.ROUNDING * self._trace_before:
+                status = Status.REPAIRED
+            self._repaired_before = 0.0
         control, predicted = own.control.copy(), own.predicted.copy()
-        if status != Status.KEPT_PREVIOUS:
+        if not failed:
             innovation = own.innovation.copy()
             return UtcStep(
                 control, predicted, innovation, repaired, _STATUS[status], lost, _RECOVERY[recovery]
             )
-        restarted = all(bool(np.isfinite(given).all()) for given in (state, preview, reference))
-        if restarted:
+        if sound:
             self.begin_from(self._initial)
         return UtcStep(
             control, predicted, np.zeros_like(predicted), repaired, Status.KEPT_PREVIOUS, lost,
-            Recovery.RESTARTED if restarted else Recovery.NONE,
+            Recovery.RESTARTED if sound else Recovery.NONE,
         )  # fmt: skip
 
     def _in_three_calls(

@@ -7,9 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.control.utc_memory import Memory, Rules
-from skydiver_utc.control.utc_step import ABOUT_CENTRE, KEPT_PREVIOUS, NONE, conclude, means, place
+from skydiver_utc.control.utc_step import (
+    ABOUT_CENTRE,
+    FACTORED,
+    KEPT_PREVIOUS,
+    NONE,
+    conclude,
+    means,
+    place,
+)
 from skydiver_utc.jit import kernel
 from skydiver_utc.unscented.covariance import eigen_symmetric
+from skydiver_utc.unscented.sigma_points import weighted_mean
 from skydiver_utc.unscented.square_root import lower_triangular, root_of_factor, take_away
 
 Array = NDArray[np.float64]
@@ -31,13 +40,7 @@ def move(
     lost = means(x)
     recovery, refused = NONE, -1.0
     if lost < x.points.shape[0]:
-        for reading in (NONE, ABOUT_CENTRE):
-            recovery = reading
-            control = x.next_control if reading == NONE else x.saved[0]
-            output = x.next_predicted if reading == NONE else x.outputs[0]
-            refused = covariances(x, Qu, control, output)
-            if refused >= 0.0:
-                break
+        recovery, refused = about_mean_or_centre(x, Qu)
     told = conclude(rules, x, reference, refused >= 0.0, recovery, lost, drawing_repaired + max(refused, 0.0))
     if told[0] != KEPT_PREVIOUS:
         first = x.outputs.shape[1]
@@ -45,6 +48,35 @@ def move(
             for b in range(x.factor.shape[1]):
                 x.factor[a, b] = np.sqrt(rules.kept_share) * x.array[first + a, first + b]
     return told
+
+
+@kernel
+def factor_instead(
+    rules: Rules, x: Memory, reference: Array, Qu: Array, lost: int, repaired: float
+) -> tuple[int, int, int, float]:
+    """For the plain form, after a `utc_step.move` that lost the definiteness of C_y to rounding: the same update.
+
+    C_y is not formed but factored from the deviations, whose numbers are only half as far apart.
+    """
+    weighted_mean(x.saved, x.left, x.next_control)
+    weighted_mean(x.outputs, x.output_left, x.next_predicted)
+    reading, refused = about_mean_or_centre(x, Qu)
+    recovery = FACTORED if reading == NONE else reading
+    return conclude(rules, x, reference, refused >= 0.0, recovery, lost, repaired + max(refused, 0.0))
+
+
+@kernel
+def about_mean_or_centre(x: Memory, Qu: Array) -> tuple[int, float]:
+    """`covariances` about the mean or, where C_y is then not definite, the centre: which of them, its answer."""
+    recovery, refused = NONE, -1.0
+    for reading in (NONE, ABOUT_CENTRE):
+        recovery = reading
+        control = x.next_control if reading == NONE else x.saved[0]
+        output = x.next_predicted if reading == NONE else x.outputs[0]
+        refused = covariances(x, Qu, control, output)
+        if refused >= 0.0:
+            break
+    return recovery, refused
 
 
 @kernel

@@ -20,6 +20,10 @@ Array = NDArray[np.float64]
 
 # An output beyond this is lost: its square would overflow.
 _LARGEST_OUTPUT = 1e100
+# A repair of Pu below this share of its trace is rounding, and no reason to call a step repaired.
+ROUNDING = 1e-15
+# Weights that are left after losses are not scaled up beyond the inverse of this.
+_LEAST_WEIGHT = 1e-6
 _SOLVED, _SATURATED = int(Status.SOLVED), int(Status.SATURATED)
 _REPAIRED, KEPT_PREVIOUS = int(Status.REPAIRED), int(Status.KEPT_PREVIOUS)
 
@@ -30,10 +34,11 @@ class Recovery(IntEnum):
     NONE = 0
     ABOUT_CENTRE = 1
     RESTARTED = 2
+    FACTORED = 3
 
 
 # Literals for the kernels.
-NONE, ABOUT_CENTRE = int(Recovery.NONE), int(Recovery.ABOUT_CENTRE)
+NONE, ABOUT_CENTRE, FACTORED = int(Recovery.NONE), int(Recovery.ABOUT_CENTRE), int(Recovery.FACTORED)
 
 
 @kernel
@@ -70,7 +75,9 @@ def move(
     """eq:xpred to eq:utc_controller and the bounds; returns status, recovery, lost points, repair of Pu in all.
 
     A negative W0 can make C_y indefinite. The covariances are then taken about the central point, which so has no
-    part in them and leaves them positive (the modified form of Julier and Uhlmann, 2000).
+    part in them and leaves them positive (the modified form of Julier and Uhlmann, 2000). Rounding can do so with
+    any W0, where the outputs' covariance has eigenvalues further apart than the digits of a number: the step is
+    then left to `utc_square_root.factor_instead`.
     Control, covariance and predicted output stay as they are where the previous control is kept.
     """
     lost = means(x)
@@ -81,7 +88,7 @@ def move(
             control = x.next_control if reading == NONE else x.saved[0]
             output = x.next_predicted if reading == NONE else x.outputs[0]
             possible = covariances(x, Qu, control, output)
-            if possible:
+            if possible or not x.left[0] < 0.0:
                 break
     return conclude(rules, x, reference, possible, recovery, lost, drawing_repaired)
 
@@ -102,8 +109,11 @@ def conclude(
     """Move the control and adopt what was found, if that was possible; returns what `move` does."""
     if not (possible and update(x, reference)):
         return KEPT_PREVIOUS, recovery, lost, repaired
+    trace = 0.0
+    for a in range(x.covariance.shape[0]):
+        trace += x.covariance[a, a]
     saturated = adopt(rules, x)
-    if repaired > 0.0 or lost > 0 or recovery != NONE:
+    if repaired > ROUNDING * trace or lost > 0 or recovery != NONE:
         return _REPAIRED, recovery, lost, repaired
     return _SATURATED if saturated else _SOLVED, recovery, lost, repaired
 
@@ -114,10 +124,12 @@ def drop_lost(
 ) -> int:
     """Weights (2m+1,) without the points that diverged, scaled to the same sum; returns how many those are.
 
-    Lost rows of outputs (2m+1, l) and saved (2m+1, m) are overwritten with zeros. All points count as lost when the
-    others have no weight.
+    Beside a negative central weight the others may sum to nothing or less; equal weights take their place then, as
+    they do where hardly any weight is left. Lost rows of outputs (2m+1, l) and saved (2m+1, m) are overwritten with
+    zeros.
     """
     lost: int = 0
+    count = outputs.shape[0]
     total, remaining = 0.0, 0.0
     for i in range(outputs.shape[0]):
         alive = True
@@ -127,21 +139,23 @@ def drop_lost(
         for j in range(saved.shape[1]):
             if not abs(saved[i, j]) <= _LARGEST_OUTPUT:
                 alive = False
-        left[i], output_left[i] = weight[i], output_weight[i]
         total += weight[i]
+        left[i] = 1.0 if alive else 0.0
         if alive:
             remaining += weight[i]
         else:
             lost += 1
-            left[i], output_left[i] = 0.0, 0.0
             outputs[i, :] = 0.0
             saved[i, :] = 0.0
-    if lost > 0:
-        if remaining < 1e-6 * total:
-            return len(outputs)
-        for i in range(outputs.shape[0]):
-            left[i] *= total / remaining
-            output_left[i] *= total / remaining
+    equal = lost > 0 and (weight[0] < 0.0 or remaining < _LEAST_WEIGHT * total)
+    scale = total / remaining if lost > 0 else 1.0
+    for i in range(count):
+        if left[i] == 0.0:
+            output_left[i] = 0.0
+        elif equal:
+            left[i] = output_left[i] = total / (count - lost)
+        else:
+            left[i], output_left[i] = scale * weight[i], scale * output_weight[i]
     return lost
 
 
