@@ -103,7 +103,8 @@ class PlantNode(ScenarioNode):
             self._end_timers()
 
     def cleanup(self) -> None:
-        """End a flight that is paused, and be ready for another one."""
+        """End a flight that is paused, also for those who follow its clock, and be ready for another one."""
+        self._time.leave()
         if self.k >= 0:
             self._abort("cleaned up")
         self.k, self.retries, self.sent_again, self.done = -1, 0, 0, False
@@ -165,7 +166,7 @@ class PlantNode(ScenarioNode):
         if clocks := too_many_clocks(self):
             return Health(Level.ERROR, clocks, values)
         if self.k < 0:
-            return Health(Level.OK, f"waiting: {self._start_up.sentence()}", values)
+            return Health(Level.OK, f"waiting: there is {self._start_up.phrase()}", values)
         if self._real_time is not None and self._real_time.accounts.silence:
             return Health(Level.WARN, self._and_its_process(self._real_time.sentence()), values)
         if self.retries:
@@ -246,9 +247,9 @@ class PlantNode(ScenarioNode):
 
     def _create_time(self) -> ClockLeader | ClockFollower:
         if self.own["clock"] == "follow":
-            return ClockFollower(self, self._time_moved)
+            return ClockFollower(self, self._time_moved, self._refuse_for_its_clock)
         assert self._roll_call is not None
-        return ClockLeader(self, self._roll_call.claim, self._time_moved)
+        return ClockLeader(self, self._roll_call.claim, self._time_moved, self._refuse_for_its_clock)
 
     def _now_ns(self) -> int:
         """What the steps of real time are due by: the steady clock, or the one that is followed."""
@@ -276,16 +277,27 @@ class PlantNode(ScenarioNode):
 
     def close(self) -> int:
         """End a flight that still goes on, then wait until the listeners have everything."""
-        if self.refused:
+        if self.refused and self.k < 0:
             return super().close()
-        self._abort("stopped by a signal")
-        self._time.leave()
+        if not self.refused:
+            self._abort("stopped by a signal")
+            self._time.leave()
         deadline = time.monotonic() + _LAST_ACKNOWLEDGEMENT_S
         for topic, publisher in self._advertised.items():
             left_s = max(0.0, deadline - time.monotonic())
             if not publisher.wait_for_all_acked(Duration(seconds=left_s)):
                 self.get_logger().warning(f"a listener of {topic.name} did not acknowledge everything")
         return super().close() or (0 if self.outcome in _EXIT_ZERO else 1)
+
+    def _refuse_for_its_clock(self, sentence: str) -> None:
+        """Take no part because of a clock; a flight that has begun ends with its outcome."""
+        if self.done:
+            return
+        self.refuse(sentence)
+        if self.k >= 0:
+            self._time.leave()
+            self._monitor.end(Outcome.ABORTED, sentence)
+            self._finish()
 
     def _abort(self, how: str) -> None:
         """End a flight that has not ended."""
@@ -315,7 +327,7 @@ class PlantNode(ScenarioNode):
             self._begin()
         elif time.monotonic() - self._began_at > self.own["startup_timeout_s"]:
             waited = self.own["startup_timeout_s"]
-            self._monitor.end(Outcome.NO_COMMAND, f"after {waited:g} s {self._start_up.sentence()}")
+            self._monitor.end(Outcome.NO_COMMAND, f"after {waited:g} s there was {self._start_up.phrase()}")
             self._finish()
 
     def _begin(self) -> None:

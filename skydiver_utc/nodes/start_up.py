@@ -35,13 +35,13 @@ class StartUp:
             missing.append("no controller that listens to state")
         return missing + self._missing_of_clock()
 
-    def sentence(self) -> str:
+    def phrase(self) -> str:
         """What is missing, in one phrase; where all are there it is the clock that has not begun."""
-        return f"there is {' and '.join(self.missing() or ['no step 0 of the clock'])}"
+        return " and ".join(self.missing() or ["no step 0 of the clock"])
 
     def say_what_is_missing(self) -> None:
         """Warn of it."""
-        self._node.get_logger().warning(f"waiting: {self.sentence()}")
+        self._node.get_logger().warning(f"waiting: there is {self.phrase()}")
 
     def _controller_listens(self) -> bool:
         """True when some node that publishes commands listens to the state, not only some spectator."""
