@@ -451,6 +451,28 @@ def test_a_leader_that_is_cleaned_up_in_flight_says_so_and_leads_again(ros: Ros)
         assert plant.k == k
 
 
+def test_a_leader_that_waited_in_vain_leads_after_a_clean_up(ros: Ros) -> None:
+    """After its time-out a follower's word moves no clock; after the clean-up its latched word is true again."""
+    plant = led_by(ros, followers=1, startup_timeout_s=1.0)
+    follower = follower_of(ros)
+    awaits, told = follower.sends(topics.CLOCK_AWAITED), follower.hear(topics.CLOCK_SOURCE)
+    clocks = follower.heard[topics.CLOCK]
+    ros.spin_until(lambda: plant.done and told and read(told[-1].data, ClockSource).ended)
+    assert plant.outcome is Outcome.NO_COMMAND
+    for k in range(2):
+        awaits.publish(String(data=write(Awaited(FOLLOWER, k))))
+    ros.spin_for(1.0)
+    assert (clocks, read(told[-1].data, ClockSource).ended) == ([], True)
+    manager = Manager(ros, "plant")
+    for number in (DEACTIVATE, CLEANUP):
+        assert manager.transition(number)
+    ros.spin_until(lambda: not read(told[-1].data, ClockSource).ended)
+    awaits.publish(String(data=write(Awaited(FOLLOWER, 0))))
+    for number in (CONFIGURE, ACTIVATE):
+        assert manager.transition(number)
+    ros.spin_until(lambda: plant.k == 0)
+
+
 def test_a_flight_that_meets_a_senior_clock_ends_with_an_outcome(ros: Ros) -> None:
     plant = led_by(ros, followers=1)
     follower = follower_of(ros)

@@ -47,7 +47,7 @@ class ClockFollower:
         grid = self._node.grid
         different = source.differs_from(self._node.own["mode"], grid.dt_ns, grid.epoch_ns)
         in_its_place = self._takes_the_place(source)
-        if not different and (in_its_place or not self._flies):
+        if not different and (in_its_place or self.k < 0):
             self._take(source)
         elif different and in_its_place and not self._flies:
             self._refuse(
