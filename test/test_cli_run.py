@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from child_processes import children
 
 from skydiver_utc.analysis.recorded_flight import read_flight
 from skydiver_utc.discovery import PROFILE, RANGE, STATIC_PEERS
@@ -144,6 +145,38 @@ def test_a_node_that_fails_is_named(tmp_path: Path) -> None:
     assert (process.returncode, stdout) == (1, "")
     assert " node failed (" in stderr
     assert "rmw_of_nobody" in stderr
+
+
+@needs_ros
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
+def test_of_two_skydivers_the_one_whose_node_fails_is_named_and_both_recordings(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "skydiver_utc.cli", "run", "a=turn_360_left", "b=turn_360_left"),
+            *("--folder", str(tmp_path / "run"), "--set", "duration_s=600", "--quiet"),
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    files = [tmp_path / "run" / name / f"{name}_0.mcap" for name in "ab"]
+    deadline = time.monotonic() + 120
+    while not all(file.is_file() and file.stat().st_size > 50_000 for file in files):
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    (controller,) = (
+        pid
+        for pid, command in children(process.pid)
+        if "controller_node" in command and "__ns:=/b" in command
+    )
+    os.kill(controller, signal.SIGKILL)
+    _, stderr = process.communicate(timeout=120)
+    assert process.returncode == 1
+    assert "the controller node of b failed (signal SIGKILL), the recording so far is in" in stderr
+    for name in "ab":
+        assert f"`skydiver-utc analyse {tmp_path / 'run' / name}`" in stderr
+    assert "; of a: the recording so far is in" in stderr
 
 
 def test_a_recording_without_messages_is_not_offered_for_analysis(tmp_path: Path) -> None:

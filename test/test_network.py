@@ -12,13 +12,19 @@ from skydiver_utc.analysis.recorded_flight import read_flight
 pytestmark = pytest.mark.skipif(bool(why_not()), reason=why_not() or "-")
 
 BAD = Conditions(delay_ms=5.0, jitter_ms=1.0, loss=0.02)
+LOSSY = BAD._replace(loss=0.1)
 LOCALHOST = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 PATIENCE_S = 300.0
 
 
 @pytest.fixture
-def machines() -> Iterator[tuple[Machine, Machine]]:
-    with two_machines(BAD) as both:
+def conditions() -> Conditions:
+    return BAD
+
+
+@pytest.fixture
+def machines(conditions: Conditions) -> Iterator[tuple[Machine, Machine]]:
+    with two_machines(conditions) as both:
         yield both
 
 
@@ -36,7 +42,11 @@ def test_the_link_delays_and_loses(machines: tuple[Machine, Machine]) -> None:
     assert 0 < told["sent"] - told["came_back"] < 60
 
 
-@pytest.mark.parametrize("discovery", [MULTICAST, STATIC_PEERS], ids=["multicast", "static peers"])
+@pytest.mark.parametrize(
+    ("conditions", "discovery"),
+    [(BAD, MULTICAST), (BAD, STATIC_PEERS), (LOSSY, MULTICAST)],
+    ids=["multicast", "static peers", "a tenth lost"],
+)
 def test_lockstep_over_a_bad_network_is_the_simulated_flight(
     machines: tuple[Machine, Machine], tmp_path: Path, discovery: dict[str, str]
 ) -> None:
@@ -47,6 +57,7 @@ def test_lockstep_over_a_bad_network_is_the_simulated_flight(
     assert equals_simulation(flight)
 
 
+@pytest.mark.parametrize("conditions", [BAD, LOSSY], ids=["two in a hundred lost", "a tenth lost"])
 def test_real_time_over_a_bad_network_stays_belly_to_earth(
     machines: tuple[Machine, Machine], tmp_path: Path
 ) -> None:

@@ -41,16 +41,15 @@ KINDS = {
 class Manager:
     """Calls a node's services from another node, as `ros2 lifecycle` does."""
 
-    def __init__(self, ros: Ros, kind: str) -> None:
+    def __init__(self, ros: Ros, kind: str, namespace: str = "/skydiver") -> None:
         self._ros = ros
         self._partner: Partner = ros.partner(f"manager_of_{kind}")
-        self._kind = kind
+        self._node = f"{namespace}/{kind}"
         self._clients: dict[str, Any] = {}
 
     def call(self, service: str, kind: Any, **fields: Any) -> Any:
         if service not in self._clients:
-            name = f"/skydiver/{self._kind}/{service}"
-            self._clients[service] = self._partner.create_client(kind, name)
+            self._clients[service] = self._partner.create_client(kind, f"{self._node}/{service}")
             self._ros.spin_until(self._clients[service].service_is_ready)
         future = self._clients[service].call_async(kind.Request(**fields))
         self._ros.spin_until(future.done)

@@ -7,11 +7,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from child_processes import children
 from ros_fixtures import PATIENCE_S, Processes, Ros, overrides
 from std_msgs.msg import String
 from test_nodes_recorder import STATE, Stage
@@ -233,12 +233,6 @@ def test_a_folder_that_cannot_be_made_ends_the_recorder_with_one_sentence(
     assert last.startswith("recorder_node: The bag ")
     assert "choose a folder that you may write to" in last
     assert "Traceback" not in node.output
-
-
-def children(pid: int) -> Iterator[tuple[int, str]]:
-    """Process ids and command lines of a process's children."""
-    for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
-        yield int(child), Path(f"/proc/{child}/cmdline").read_text()
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")

@@ -10,6 +10,7 @@ from ros_fixtures import NodeProcess, Partner, Processes, Ros, overrides
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from test_nodes_flight import Bag, assert_equals_simulation
+from test_nodes_lifecycle import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, Manager
 
 from skydiver_utc.analysis.controller_check import check
 from skydiver_utc.analysis.recorded_flight import RecordedFlight
@@ -132,6 +133,64 @@ def test_a_second_plant_with_a_clock_of_its_own_leaves(processes: Processes) -> 
     assert not first["plant"].ended
 
 
+def test_a_newcomer_in_another_mode_leaves_and_the_two_fly_on(processes: Processes) -> None:
+    leader = start(processes, LEADER, overrides(8.0), followers=1)
+    follower = start(processes, FOLLOWER, overrides(8.0), clock="follow", progress=True)
+    follower["plant"].wait_for_output('"step": 119')
+    newcomer = processes.start("plant", overrides(mode="real_time"), namespace="/third")
+    assert newcomer.wait() == 2
+    for plant in (leader["plant"], follower["plant"]):
+        assert plant.wait() == 0, plant.output
+        assert "completed" in plant.output
+
+
+@pytest.mark.parametrize("again", [LEADER, FOLLOWER], ids=["leader", "follower"])
+def test_either_plant_may_be_interrupted_and_started_again_before_the_flight(
+    processes: Processes, again: str
+) -> None:
+    given = overrides(2.0)
+    waits: dict[str, dict[str, object]] = {
+        LEADER: given | {"followers": 1},
+        FOLLOWER: given | {"clock": "follow"},
+    }
+    plants = {name: processes.start("plant", waits[name], namespace=name) for name in waits}
+    for name in waits:
+        processes.start("reference", given, namespace=name)
+    processes.start("controller", given, namespace=FOLLOWER)
+    plants[LEADER].wait_for_output("the plant of /other follows this clock")
+    plants[again].signal(signal.SIGINT)
+    assert plants[again].wait() == 0, plants[again].output
+    plants[again] = processes.start("plant", waits[again], namespace=again)
+    plants[again].wait_for_output("steps of")
+    processes.start("controller", given, namespace=LEADER)
+    for plant in plants.values():
+        assert plant.wait() == 0, plant.output
+        assert "completed" in plant.output
+
+
+def test_two_plants_that_are_managed_fly_again_after_a_clean_up(ros: Ros, processes: Processes) -> None:
+    """The leader is cleaned up in flight: its follower ends at once, and both fly a whole second flight."""
+    given = overrides(12.0)
+    roles: dict[str, dict[str, object]] = {LEADER: {"followers": 1}, FOLLOWER: {"clock": "follow"}}
+    plants = {
+        name: start(processes, name, given, progress=True, autostart=False, **role)["plant"]
+        for name, role in roles.items()
+    }
+    managers = {name: Manager(ros, "plant", name) for name in plants}
+    for number in (CONFIGURE, ACTIVATE):
+        assert all(manager.transition(number) for manager in managers.values())
+    plants[FOLLOWER].wait_for_output('"step": 119')
+    assert managers[LEADER].transition(DEACTIVATE)
+    assert managers[LEADER].transition(CLEANUP)
+    plants[FOLLOWER].wait_for_output("no_clock: the plant of /skydiver, whose clock it follows, has ended")
+    assert managers[FOLLOWER].transition(DEACTIVATE)
+    assert managers[FOLLOWER].transition(CLEANUP)
+    for number in (CONFIGURE, ACTIVATE):
+        assert all(manager.transition(number) for manager in managers.values())
+    for plant in plants.values():
+        plant.wait_for_output('"outcome": "completed"')
+
+
 class Led:
     """A follower with controller and reference in this process; a partner plays the leader."""
 
@@ -166,6 +225,13 @@ class Led:
     def until_it_awaits(self, k: int) -> None:
         self.ros.spin_until(lambda: self.awaited() >= k)
 
+    def fly_to(self, k: int) -> None:
+        """Show every step up to k as soon as it is waited for."""
+        for step in range(max(0, self.plant.k + 1), k + 1):
+            self.until_it_awaits(step)
+            self.show(step)
+            self.ros.spin_until(lambda step=step: self.plant.k == step)  # type: ignore[misc]
+
 
 def test_no_step_is_taken_before_the_clock_shows_it(ros: Ros) -> None:
     stage = Led(ros)
@@ -191,6 +257,79 @@ def test_a_clock_that_goes_back_or_comes_too_early_ends_the_flight(ros: Ros) -> 
     assert stage.plant.outcome is Outcome.NO_CLOCK
     assert "went back from step 2 to step 0" in stage.plant.reason
     ros.spin_until(lambda: read(stage.heard[-1].data, Awaited).ended)
+
+
+def test_a_newcomer_with_a_clock_of_its_own_ends_no_flight_of_others(ros: Ros) -> None:
+    """Neither its word, though it has another mode, nor its last one; that of the followed plant does."""
+    stage = Led(ros)
+    stage.tell()
+    stage.fly_to(3)
+    newcomer = {"claim": Claim("plant", "c", 2, False, 2, "there"), "namespace": "/c", "mode": "real_time"}
+    stage.tell(**newcomer)
+    ros.spin_until(lambda: stage.plant.refusals.counts["source"] == 1)
+    assert "/c has a clock, too; it is /skydiver that is followed" in stage.plant.refusals.last
+    stage.tell(**newcomer, ended=True)
+    ros.spin_for(0.2)
+    stage.fly_to(6)
+    assert (stage.plant.done, stage.plant.health().values["follows"]) == (False, LEADER)
+    stage.tell(ended=True)
+    ros.spin_until(lambda: stage.plant.finished)
+    assert stage.plant.reason == "the plant of /skydiver, whose clock it follows, has ended"
+
+
+def test_a_leader_may_be_started_again_before_the_flight(ros: Ros) -> None:
+    stage = Led(ros)
+    stage.tell()
+    stage.until_it_awaits(0)
+    stage.tell(ended=True)
+    ros.spin_until(lambda: "no plant that publishes /clock" in stage.plant.health().sentence)
+    stage.tell(claim=Claim("plant", "b", 2, False, 2, "there"))
+    stage.fly_to(5)
+    assert not stage.plant.done
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "real_time"])
+def test_a_leader_that_was_killed_before_the_flight_has_a_successor(ros: Ros, mode: str) -> None:
+    """It said no last word; its successor is looked at as any other plant."""
+    stage = Led(ros)
+    stage.tell()
+    stage.until_it_awaits(0)
+    stage.tell(claim=Claim("plant", "b", 2, False, 2, "there"), mode=mode)
+    if mode == "real_time":
+        ros.spin_until(lambda: stage.plant.finished)
+        assert "mode is lockstep, there it is real_time" in stage.plant.refused
+    else:
+        ros.spin_until(lambda: stage.plant._time._source.claim.id == "b")
+        stage.fly_to(2)
+
+
+def test_a_clock_that_was_shown_to_an_unconfigured_plant_begins_no_flight(ros: Ros) -> None:
+    stage = Led(ros, autostart=False)
+    stage.tell()
+    shown: list[Any] = ros.partner("witness").hear(topics.CLOCK)
+    ros.spin_until(lambda: stage.clocks.get_subscription_count() >= 3)
+    for k in range(4):
+        stage.show(k)
+    ros.spin_until(lambda: len(shown) == 4)
+    manager = Manager(ros, "plant")
+    assert manager.transition(CONFIGURE)
+    assert manager.transition(ACTIVATE)
+    stage.until_it_awaits(0)
+    ros.spin_for(0.3)
+    assert (stage.plant.k, stage.plant.done) == (-1, False)
+    stage.fly_to(3)
+    assert not stage.plant.done
+
+
+def test_a_clock_that_does_not_wait_ends_the_flight(ros: Ros) -> None:
+    stage = Led(ros)
+    stage.tell()
+    stage.fly_to(2)
+    stage.until_it_awaits(3)
+    stage.show(5)
+    ros.spin_until(lambda: stage.plant.finished)
+    assert stage.plant.outcome is Outcome.NO_CLOCK
+    assert stage.plant.reason == "the clock went on without this plant, which waits for step 3, to step 5"
 
 
 def test_a_clock_that_stands_still_ends_the_flight(ros: Ros) -> None:
@@ -260,6 +399,93 @@ def test_the_clock_does_not_run_away_from_who_follows(ros: Ros) -> None:
     awaits.publish(String(data=write(Awaited(FOLLOWER, 3, ended=True))))
     ros.spin_until(lambda: plant.finished)
     assert (plant.outcome, plant.k) == (Outcome.COMPLETED, plant.scenario.steps)
+
+
+def test_a_follower_may_be_started_again_before_the_flight(ros: Ros) -> None:
+    """One that has ended is not waited for, nor counted; one that is there again is."""
+    plant = led_by(ros, followers=2)
+    first, second = (follower_of(ros).sends(topics.CLOCK_AWAITED) for _ in range(2))
+    first.publish(String(data=write(Awaited("/first", 0))))
+    ros.spin_until(lambda: "1 of 2 plants" in plant.health().sentence)
+    first.publish(String(data=write(Awaited("/first", 0, ended=True))))
+    ros.spin_until(lambda: "0 of 2 plants" in plant.health().sentence)
+    for k in range(3):
+        first.publish(String(data=write(Awaited("/first", k))))
+        second.publish(String(data=write(Awaited("/second", k + 5))))
+        ros.spin_until(lambda k=k: plant.k == k)  # type: ignore[misc]
+        ros.spin_for(0.05)
+        assert plant.k == k
+
+
+def test_a_follower_that_says_nothing_before_the_flight_is_not_counted(ros: Ros) -> None:
+    plant = led_by(ros, followers=2)
+    follower_of(ros).sends(topics.CLOCK_AWAITED).publish(String(data=write(Awaited(FOLLOWER, 0))))
+    ros.spin_until(lambda: "1 of 2 plants" in plant.health().sentence)
+    ros.spin_until(lambda: "0 of 2 plants" in plant.health().sentence)
+    assert plant.k == -1
+
+
+def test_a_leader_that_is_cleaned_up_in_flight_says_so_and_leads_again(ros: Ros) -> None:
+    """What the follower of the first flight says last does not count in the second one."""
+    plant = led_by(ros, followers=1)
+    follower = follower_of(ros)
+    awaits = follower.sends(topics.CLOCK_AWAITED)
+    told = follower.hear(topics.CLOCK_SOURCE)
+    for k in range(3):
+        awaits.publish(String(data=write(Awaited(FOLLOWER, k))))
+        ros.spin_until(lambda k=k: plant.k == k)  # type: ignore[misc]
+    manager = Manager(ros, "plant")
+    assert manager.transition(DEACTIVATE)
+    assert manager.transition(CLEANUP)
+    ros.spin_until(lambda: [read(one.data, ClockSource).ended for one in told[-2:]] == [True, False])
+    assert plant.reason == "cleaned up at step 2"
+    awaits.publish(String(data=write(Awaited(FOLLOWER, 3))))
+    awaits.publish(String(data=write(Awaited(FOLLOWER, 3, ended=True))))
+    assert manager.transition(CONFIGURE)
+    assert manager.transition(ACTIVATE)
+    ros.spin_until(lambda: "0 of 1 plants" in plant.health().sentence)
+    for k in range(4):
+        awaits.publish(String(data=write(Awaited(FOLLOWER, k))))
+        ros.spin_until(lambda k=k: plant.k == k)  # type: ignore[misc]
+        ros.spin_for(0.05)
+        assert plant.k == k
+
+
+def test_a_leader_that_waited_in_vain_leads_after_a_clean_up(ros: Ros) -> None:
+    """After its time-out a follower's word moves no clock; after the clean-up its latched word is true again."""
+    plant = led_by(ros, followers=1, startup_timeout_s=1.0)
+    follower = follower_of(ros)
+    awaits, told = follower.sends(topics.CLOCK_AWAITED), follower.hear(topics.CLOCK_SOURCE)
+    clocks = follower.heard[topics.CLOCK]
+    ros.spin_until(lambda: plant.done and told and read(told[-1].data, ClockSource).ended)
+    assert plant.outcome is Outcome.NO_COMMAND
+    for k in range(2):
+        awaits.publish(String(data=write(Awaited(FOLLOWER, k))))
+    ros.spin_for(1.0)
+    assert (clocks, read(told[-1].data, ClockSource).ended) == ([], True)
+    manager = Manager(ros, "plant")
+    for number in (DEACTIVATE, CLEANUP):
+        assert manager.transition(number)
+    ros.spin_until(lambda: not read(told[-1].data, ClockSource).ended)
+    awaits.publish(String(data=write(Awaited(FOLLOWER, 0))))
+    for number in (CONFIGURE, ACTIVATE):
+        assert manager.transition(number)
+    ros.spin_until(lambda: plant.k == 0)
+
+
+def test_a_flight_that_meets_a_senior_clock_ends_with_an_outcome(ros: Ros) -> None:
+    plant = led_by(ros, followers=1)
+    follower = follower_of(ros)
+    told, outcomes = follower.hear(topics.CLOCK_SOURCE), follower.hear(topics.OUTCOME)
+    follower.sends(topics.CLOCK_AWAITED).publish(String(data=write(Awaited(FOLLOWER, 2))))
+    ros.spin_until(lambda: plant.k == 2)
+    senior = ClockSource(Claim("plant", "z", 1, True, 1, "there"), "/z", "lockstep", 1, 0)
+    follower.sends(topics.CLOCK_SOURCE).publish(String(data=write(senior)))
+    ros.spin_until(lambda: plant.finished and outcomes and read(told[-1].data, ClockSource).ended)
+    outcome = json.loads(outcomes[-1].data)
+    assert outcome["outcome"] == "aborted"
+    assert outcome["reason"] == plant.refused
+    assert "the plant of /z (process 1 on there) publishes /clock already" in plant.refused
 
 
 def test_each_of_several_followers_is_heard(ros: Ros) -> None:

@@ -164,7 +164,18 @@ def test_launch_files_start_nodes_that_exist_with_parameters_that_exist(path: Pa
         assert node.get("pkg") == "skydiver_utc"
         assert node.get("exec") in NODES
         known = {leaf.name for leaf in OWN_PARAMETERS[node.get("exec", "").removesuffix("_node")]}
-        assert {parameter.get("name") for parameter in node.iter("param")} <= known
+        given = {parameter.get("name"): parameter.get("value") for parameter in node.iter("param")}
+        assert set(given) <= known
+        if "mode" in known:
+            assert given["mode"] == "$(var mode)"
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "launch").iterdir()), ids=lambda path: path.name)
+def test_a_launch_file_may_be_launched_twice_and_flies_in_lockstep_unless_told_otherwise(path: Path) -> None:
+    arguments = {a.get("name"): a.get("default") for a in ElementTree.parse(path).getroot().iter("arg")}
+    assert arguments["mode"] == "lockstep"
+    # Empty: the recorder takes a folder with the time in its name.
+    assert arguments["output_folder"] == "" or "$(anon " in str(arguments["output_folder"])
 
 
 def executable(path: Path, script: str) -> Path:

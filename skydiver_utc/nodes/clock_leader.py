@@ -31,9 +31,11 @@ class ClockLeader:
     followers, the clock goes on for them.
     """
 
-    def __init__(self, node: ScenarioNode, claim: Claim, moved: Callable[[], None]) -> None:
+    def __init__(
+        self, node: ScenarioNode, claim: Claim, moved: Callable[[], None], refuse: Callable[[str], None]
+    ) -> None:
         self.k = -1
-        self._node, self._claim, self._moved = node, claim, moved
+        self._node, self._claim, self._moved, self._refuse = node, claim, moved, refuse
         self._expected: int = node.own["followers"]
         self._patience_s: float = node.own["clock_patience_s"]
         self._recorders = 1 if node.own["wait_for_recorder"] else 0
@@ -60,7 +62,7 @@ class ClockLeader:
         # Two plants of one namespace settle it on its roll call.
         elsewhere = other.namespace != self._node.get_namespace()
         if elsewhere and not other.ended and other.claim.senior_to(self._claim):
-            self._node.refuse(
+            self._refuse(
                 f"the plant of {other.namespace} (process {other.claim.pid} on {other.claim.host}) publishes /clock"
                 " already: let this one follow it by -p clock:=follow, or give it another ROS domain"
             )
@@ -73,13 +75,21 @@ class ClockLeader:
             self._node.refusals.add(topics.CLOCK_AWAITED.name, error)
             return
         follower = self._followers.get(awaited.namespace)
-        if follower is not None:
+        if self.k < 0:
+            self._register(awaited)
+        elif follower is not None:
             follower.awaits, follower.heard_at = awaited.step, time.monotonic()
             follower.flying = follower.flying and not awaited.ended
-        elif self.k < 0 and not awaited.ended:
-            self._followers[awaited.namespace] = _Follower(awaited.step)
-            self._node.get_logger().info(f"the plant of {awaited.namespace} follows this clock")
         self._goes_on()
+
+    def _register(self, awaited: Awaited) -> None:
+        """Before the flight the newest word of a follower counts, whatever it has said before."""
+        if awaited.ended or self._node.done:
+            self._followers.pop(awaited.namespace, None)
+            return
+        if awaited.namespace not in self._followers:
+            self._node.get_logger().info(f"the plant of {awaited.namespace} follows this clock")
+        self._followers[awaited.namespace] = _Follower(awaited.step)
 
     def missing(self) -> list[str]:
         """What step 0 still waits for, in words."""
@@ -131,10 +141,11 @@ class ClockLeader:
         self._goes_on()
 
     def reset(self) -> None:
-        """Be ready for another flight."""
+        """Be ready for another flight, and say so."""
         self.k, self._due, self._done = -1, None, None
         self._followers.clear()
         self._end_timer()
+        self._tell()
 
     def _end_timer(self) -> None:
         if self._timer is not None:
@@ -162,21 +173,29 @@ class ClockLeader:
             done()
 
     def _look_after_followers(self) -> None:
-        """Show the step again where nothing happens; go on without a follower that says nothing any more."""
-        if self.k < 0 or not self._flying():
-            return
+        """Say again where the clock stands; go on without a follower that says nothing any more."""
         now = time.monotonic()
-        if now - self._shown_at > self._patience_s / SIGNS_OF_LIFE:
+        if self.k < 0:
+            if not self._node.done:
+                # A newcomer's word may have come in between.
+                self._tell()
+        elif self._flying() and now - self._shown_at > self._patience_s / SIGNS_OF_LIFE:
             self.show(self.k)
         for name in self._flying():
             silent_s = now - self._followers[name].heard_at
             if silent_s > self._patience_s:
-                self._followers[name].flying = False
-                self._node.get_logger().error(
-                    f"the plant of {name} has said nothing for {silent_s:.1f} s, it has stopped or died: the clock"
-                    " goes on without it"
-                )
-        self._goes_on()
+                self._lose(name, silent_s)
+        if self.k >= 0:
+            self._goes_on()
+
+    def _lose(self, name: str, silent_s: float) -> None:
+        silence = f"the plant of {name} has said nothing for {silent_s:.1f} s, it has stopped or died"
+        if self.k < 0:
+            del self._followers[name]
+            self._node.get_logger().warning(f"{silence}: it is not waited for")
+        else:
+            self._followers[name].flying = False
+            self._node.get_logger().error(f"{silence}: the clock goes on without it")
 
     def _tell(self, ended: bool = False) -> None:
         grid, mode = self._node.grid, self._node.own["mode"]

@@ -22,6 +22,7 @@ from skydiver_utc.nodes.polled import Polled, take_all
 from skydiver_utc.nodes.presence import State
 from skydiver_utc.nodes.real_time_pace import Answer, RealTimePace
 from skydiver_utc.nodes.scenario_node import ScenarioNode
+from skydiver_utc.nodes.start_up import StartUp
 from skydiver_utc.parameters import Scenario, to_yaml
 from skydiver_utc.plant.skydiver import CONTROL_NAMES, SkydiverPlant
 from skydiver_utc.simulation.build import build_plant
@@ -57,12 +58,12 @@ class PlantNode(ScenarioNode):
         self._create_publishers()
         self._keeps_time = False  # the flight is done, its clock goes on for others
         self._time = self._create_time()
-        self._recorder_ready = not self.own["wait_for_recorder"]
-        self.listen(topics.RECORDER_READY, self.on_recorder_ready)
         self._by_the_clock = self.own["mode"] == "real_time"
         self._real_time: RealTimePace | None = None
         polled, qos = (Polled(), topics.NEWEST) if self._by_the_clock else (None, None)
         self._commands = self.listen(topics.COMMAND, self.on_command, polled, qos)
+        self._start_up = StartUp(self, self._commands, self._states, self._time.missing)
+        self.listen(topics.RECORDER_READY, self.on_recorder_ready)
         self.start_unless_managed()
 
     def configure(self) -> None:
@@ -88,7 +89,7 @@ class PlantNode(ScenarioNode):
             self._began_at = now
             self._timers_of_flight = [
                 self.every(_STARTUP_POLL_S, self._begin_when_heard),
-                self.every(_PATIENCE_S, self._say_what_is_missing),
+                self.every(_PATIENCE_S, self._start_up.say_what_is_missing),
             ]
             return
         self.retries, self._published_at = 0, now
@@ -102,7 +103,8 @@ class PlantNode(ScenarioNode):
             self._end_timers()
 
     def cleanup(self) -> None:
-        """End a flight that is paused, and be ready for another one."""
+        """End a flight that is paused, also for those who follow its clock, and be ready for another one."""
+        self._time.leave()
         if self.k >= 0:
             self._abort("cleaned up")
         self.k, self.retries, self.sent_again, self.done = -1, 0, 0, False
@@ -164,7 +166,7 @@ class PlantNode(ScenarioNode):
         if clocks := too_many_clocks(self):
             return Health(Level.ERROR, clocks, values)
         if self.k < 0:
-            return Health(Level.OK, f"waiting: there is {' and '.join(self._missing()) or 'all'}", values)
+            return Health(Level.OK, f"waiting: there is {self._start_up.phrase()}", values)
         if self._real_time is not None and self._real_time.accounts.silence:
             return Health(Level.WARN, self._and_its_process(self._real_time.sentence()), values)
         if self.retries:
@@ -179,7 +181,7 @@ class PlantNode(ScenarioNode):
 
     def on_recorder_ready(self, _: Any) -> None:
         """The recorder hears every topic."""
-        self._recorder_ready = True
+        self._start_up.recorder_ready = True
 
     def on_command(self, message: Any) -> None:
         """Step if this command answers the state published last; count it otherwise."""
@@ -245,9 +247,9 @@ class PlantNode(ScenarioNode):
 
     def _create_time(self) -> ClockLeader | ClockFollower:
         if self.own["clock"] == "follow":
-            return ClockFollower(self, self._time_moved)
+            return ClockFollower(self, self._time_moved, self._refuse_for_its_clock)
         assert self._roll_call is not None
-        return ClockLeader(self, self._roll_call.claim, self._time_moved)
+        return ClockLeader(self, self._roll_call.claim, self._time_moved, self._refuse_for_its_clock)
 
     def _now_ns(self) -> int:
         """What the steps of real time are due by: the steady clock, or the one that is followed."""
@@ -275,16 +277,27 @@ class PlantNode(ScenarioNode):
 
     def close(self) -> int:
         """End a flight that still goes on, then wait until the listeners have everything."""
-        if self.refused:
+        if self.refused and self.k < 0:
             return super().close()
-        self._abort("stopped by a signal")
-        self._time.leave()
+        if not self.refused:
+            self._abort("stopped by a signal")
+            self._time.leave()
         deadline = time.monotonic() + _LAST_ACKNOWLEDGEMENT_S
         for topic, publisher in self._advertised.items():
             left_s = max(0.0, deadline - time.monotonic())
             if not publisher.wait_for_all_acked(Duration(seconds=left_s)):
                 self.get_logger().warning(f"a listener of {topic.name} did not acknowledge everything")
         return super().close() or (0 if self.outcome in _EXIT_ZERO else 1)
+
+    def _refuse_for_its_clock(self, sentence: str) -> None:
+        """Take no part because of a clock; a flight that has begun ends with its outcome."""
+        if self.done:
+            return
+        self.refuse(sentence)
+        if self.k >= 0:
+            self._time.leave()
+            self._monitor.end(Outcome.ABORTED, sentence)
+            self._finish()
 
     def _abort(self, how: str) -> None:
         """End a flight that has not ended."""
@@ -310,38 +323,12 @@ class PlantNode(ScenarioNode):
     def _begin_when_heard(self) -> None:
         if self.done:
             return
-        missing = self._missing()
-        if not missing and self._time.await_step(0):
+        if not self._start_up.missing() and self._time.await_step(0):
             self._begin()
         elif time.monotonic() - self._began_at > self.own["startup_timeout_s"]:
             waited = self.own["startup_timeout_s"]
-            reason = f"after {waited:g} s there was {' and '.join(missing or ['no step 0 of the clock'])}"
-            self._monitor.end(Outcome.NO_COMMAND, reason)
+            self._monitor.end(Outcome.NO_COMMAND, f"after {waited:g} s there was {self._start_up.phrase()}")
             self._finish()
-
-    def _say_what_is_missing(self) -> None:
-        missing = self._missing() or ["no step 0 of the clock"]
-        self.get_logger().warning(f"waiting: there is {' and '.join(missing)}")
-
-    def _missing(self) -> list[str]:
-        """What the flight still waits for, in words; asks the dearer questions last."""
-        missing = []
-        if not self._recorder_ready:
-            missing.append("no recorder that hears every topic")
-        if self._commands.get_publisher_count() == 0:
-            missing.append("no publisher of command")
-        if unmatched := self.unmatched():
-            missing.append(f"no listener, or too few, on {', '.join(unmatched)}")
-        if not missing and not self._controller_listens():
-            missing.append("no controller that listens to state")
-        return missing + self._time.missing()
-
-    def _controller_listens(self) -> bool:
-        """True when some node that publishes commands listens to the state, not only some spectator."""
-        commanders = self.get_publishers_info_by_topic(self._commands.topic_name)
-        names = {(node.node_namespace, node.node_name) for node in commanders}
-        listeners = self.get_subscriptions_info_by_topic(self._states.topic_name)
-        return any((node.node_namespace, node.node_name) in names for node in listeners)
 
     def _begin(self) -> None:
         self._end_timers()

@@ -107,17 +107,20 @@ class _Flight:
         self.failed = None if self._told_outcome else PLANT
         return False
 
-    def refuse_failure(self) -> None:
-        """Say which node failed and where the recording is."""
+    def refuse_failure(self, others: Sequence[Diver]) -> None:
+        """Say which node failed and where the recordings are; `others` were stopped with it."""
         place, nodes = _whereabouts(self.diver.folder), self.nodes
+        whose = f" of {self.diver.name}" if others else ""
         if failed := self.failed:
+            places = [place, *(f"of {other.name}: {_whereabouts(other.folder)}" for other in others)]
             raise VerbError(
-                f"the {failed} node failed ({nodes.ending(failed)}), {place}" + nodes.last_lines(failed),
+                f"the {failed} node{whose} failed ({nodes.ending(failed)}), {'; '.join(places)}"
+                + nodes.last_lines(failed),
                 _FAILED,
             )
         if nodes.failed() == RECORDER:
             raise VerbError(
-                f"the flight went on to its end, but its recorder failed ({nodes.ending(RECORDER)}):"
+                f"the flight{whose} went on to its end, but its recorder failed ({nodes.ending(RECORDER)}):"
                 f" {place}" + nodes.last_lines(RECORDER),
                 _FAILED,
             )
@@ -143,7 +146,7 @@ def _fly(flying: Sequence[Diver], environment: Mapping[str, str], quiet: bool, p
         for its in reversed(nodes):
             its.end()
         for flight in flights:
-            flight.refuse_failure()
+            flight.refuse_failure([diver for diver in flying if diver is not flight.diver])
 
 
 def _nodes(stack: ExitStack, diver: Diver, environment: Mapping[str, str], scratch: Path) -> NodeProcesses:
