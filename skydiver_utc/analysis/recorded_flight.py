@@ -178,21 +178,19 @@ class RecordedFlight:
 
     def _telemetry(self, steps: int, states_ns: Times) -> tuple[tuple[str, ...], Floats, Floats, Floats]:
         """Names, those of most messages, values (steps, n), solve times [s] (steps,) and statuses (steps,)."""
-        messages = self._messages("controller/telemetry")
+        told = (tuple(message.name) for message in self._messages("controller/telemetry"))
+        common = Counter(names for names in told if {_SOLVE_TIME, _STATUS} <= set(names)).most_common(1)
         unknown = np.full(steps, np.nan)
-        if not messages:
+        if not common:
             return (), np.empty((steps, 0)), unknown, unknown
-        ((names, _),) = Counter(tuple(message.name) for message in messages).most_common(1)
+        names = common[0][0]
 
         def values_of(message: Any) -> Any:
             return message.position if tuple(message.name) == names else None
 
         rows = self._steps.rows("controller/telemetry", len(names), values_of, states_ns)
         own = [j for j, name in enumerate(names) if name not in (_SOLVE_TIME, _STATUS)]
-        solve_time_s, status = (
-            rows.values[:steps, names.index(name)] if name in names else unknown
-            for name in (_SOLVE_TIME, _STATUS)
-        )
+        solve_time_s, status = (rows.values[:steps, names.index(name)] for name in (_SOLVE_TIME, _STATUS))
         return tuple(names[j] for j in own), rows.values[:steps, own], solve_time_s, status
 
     def _refuse_gaps(self, name: str, rows: Rows, count: int) -> None:
