@@ -2,7 +2,6 @@
 
 import json
 import math
-import tempfile
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.metrics import FLOWN_TO_ITS_END
 from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows, Times
-from skydiver_utc.parameters import ParameterError, Scenario, load_scenario
+from skydiver_utc.parameters import ParameterError, Scenario, from_yaml
 from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.reader import RecordedTopic, read_bag
 from skydiver_utc.simulation.flight import Flight, ParameterChange
@@ -132,7 +131,7 @@ class RecordedFlight:
         reason: ParameterError | None = None
         for message in [*reversed(before), *after]:
             try:
-                return _scenario(message.data)
+                return from_yaml(message.data)
             except ParameterError as error:
                 reason = reason or error
         raise AnalysisError(
@@ -221,14 +220,6 @@ def _controls(joint_state: Any) -> Any:
 def _first(values: Any) -> float:
     """The first value, NaN without any."""
     return float(values[0]) if len(values) else math.nan
-
-
-def _scenario(text: str) -> Scenario:
-    """A scenario's text, checked as its file would be; `ParameterError` where it is none."""
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / "scenario.yaml"
-        copy.write_text(text, encoding="utf-8")
-        return load_scenario(str(copy))
 
 
 def _outcome(text: str) -> dict[str, Any] | None:
