@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from skydiver_utc.plant.pattern_kinds import DEFAULT_KIND, PATTERN_KINDS
 
@@ -25,6 +26,9 @@ exit code of --check
     1  some are not
     2  the input is wrong: one sentence says what to do
 """
+
+
+_OF_PLAYING = ("rate", "start", "loop", "paused", "topics", "quiet")
 
 
 class Verbs(click.Group):
@@ -235,6 +239,11 @@ def replay(
     --set it asks another controller what it would have done at these states.
     """
     if check:
+        source = click.get_current_context().get_parameter_source
+        if any(source(name) is not ParameterSource.DEFAULT for name in _OF_PLAYING):
+            raise click.UsageError(
+                "--rate, --start, --loop, --paused, --topics and --quiet do not go with --check"
+            )
         from skydiver_utc.verbs.check import check as ask
 
         path = Path(figure) if figure else None

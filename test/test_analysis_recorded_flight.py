@@ -13,7 +13,7 @@ from test_analysis_metrics import flight_of, scenario_of
 
 from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.metrics import metrics
-from skydiver_utc.analysis.recorded_flight import read_flight
+from skydiver_utc.analysis.recorded_flight import RecordedFlight, read_flight
 from skydiver_utc.parameters import to_yaml
 from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.writer import BagWriter
@@ -254,25 +254,70 @@ def test_telemetry_is_not_asked_for(tmp_path: Path) -> None:
     assert np.array_equal(np.delete(holed.telemetry, 5, 0), np.delete(flight.telemetry, 5, 0))
 
 
-def test_a_stamp_off_the_grid_is_refused(tmp_path: Path) -> None:
-    message = odometry(3, np.ones(13))
-    message.header.stamp.nanosec += 1
-    stray: Message = ("state", "nav_msgs/msg/Odometry", 3, message)
-    folder = write_bag(tmp_path / "bag", flight_with_everything(), lambda messages: [*messages, stray])
-    with pytest.raises(AnalysisError, match="150000001 ns after the start, which is none of the 80 steps"):
-        read_flight(folder)
+def command(k: int, values: Any, names: Sequence[str] = CONTROLS) -> Message:
+    return "command", "sensor_msgs/msg/JointState", k, joint_state(k, names, values)
 
 
-def test_controls_under_other_names_are_refused(tmp_path: Path) -> None:
-    stray: Message = (
-        "command",
-        "sensor_msgs/msg/JointState",
-        0,
-        joint_state(0, CONTROLS[::-1], np.zeros(4)),
-    )
-    folder = write_bag(tmp_path / "bag", flight_with_everything(), lambda messages: [stray, *messages])
-    with pytest.raises(AnalysisError, match="does not hold what it should at step 0"):
-        read_flight(folder)
+@pytest.mark.parametrize("nanoseconds", [1, 10**9, -(10**9), 3 * 10**17])
+def test_a_stamp_off_the_grid_or_outside_of_the_flight_is_left_out_and_counted(
+    tmp_path: Path, nanoseconds: int
+) -> None:
+    flight = flight_with_everything()
+    strays = [command(3, np.zeros(4)), ("state", "nav_msgs/msg/Odometry", 3, odometry(3, np.ones(13)))]
+    for *_, message in strays:
+        ns = scenario_of().stamp_ns(0 if nanoseconds < 0 else 80) + nanoseconds
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(ns, 10**9)
+    recording = RecordedFlight(write_bag(tmp_path / "bag", flight, lambda messages: [*strays, *messages]))
+    back = recording.flight()
+    assert np.array_equal(back.states, flight.states)
+    assert np.array_equal(back.commands, flight.commands)
+    assert recording.ignored == {"state": 1, "command": 1}
+
+
+@pytest.mark.parametrize(
+    "stray", [command(0, np.zeros(4), CONTROLS[::-1]), command(0, np.zeros(3)), command(0, [])]
+)
+def test_what_does_not_hold_the_controls_is_left_out_and_counted(tmp_path: Path, stray: Message) -> None:
+    flight = flight_with_everything()
+    recording = RecordedFlight(write_bag(tmp_path / "bag", flight, lambda messages: [stray, *messages]))
+    assert np.array_equal(recording.flight().commands, flight.commands)
+    assert recording.ignored == {"command": 1}
+
+
+@pytest.mark.parametrize("sent_at", [0, 38])
+@pytest.mark.parametrize("topic", ["state", "command", "applied_command", "controller/telemetry"])
+def test_a_message_sent_before_its_time_does_not_stand_for_the_flights_own(
+    tmp_path: Path, topic: str, sent_at: int
+) -> None:
+    """A stranger's with the stamp of step 40; the first of two sent in time counts."""
+    flight = flight_with_everything()
+
+    def edit(messages: list[Message]) -> list[Message]:
+        kind, copy = next((m[1], m[3]) for m in messages if m[0] == topic)
+        other = {"state": odometry(40, np.ones(13))}.get(topic)
+        other = other or joint_state(40, copy.name, np.ones(len(copy.position)))
+        late = [(m[0], m[1], m[2] + 1, m[3]) if m[0] == "applied_command" else m for m in messages]
+        return [(topic, kind, sent_at, other), *late, (topic, kind, 60, other)]
+
+    back = read_flight(write_bag(tmp_path / "bag", flight, edit))
+    for name in ("states", "commands", "applied", "telemetry"):
+        assert np.array_equal(getattr(back, name), getattr(flight, name))
+
+
+@pytest.mark.parametrize("topic", ["outcome", "scenario", "changes"])
+@pytest.mark.parametrize("content", ["hello", "", "[]", "{}", "\x00", '{"node": 1, "step": 1e999}'])
+def test_a_text_of_a_stranger_is_left_out(tmp_path: Path, topic: str, content: str) -> None:
+    flight = flight_with_everything()
+    kind = "std_msgs/msg/String"
+    for place, name in ((0, "before"), (80, "after")):
+        stray: Message = (topic, kind, place, text(content))
+
+        def edit(messages: list[Message], stray: Message = stray) -> list[Message]:
+            return [messages[0], stray, *messages[1:], stray]
+
+        back = read_flight(write_bag(tmp_path / name, flight, edit))
+        assert (back.outcome, back.reason, back.changes) == (flight.outcome, flight.reason, ())
+        assert back.scenario == flight.scenario
 
 
 def test_a_bag_of_something_else_is_refused(tmp_path: Path) -> None:
@@ -284,11 +329,12 @@ def test_a_bag_of_something_else_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "ending", ["{}", "nonsense", '{"outcome": "landed", "reason": "", "wall_time_s": 1}']
 )
-def test_an_outcome_that_cannot_be_understood(tmp_path: Path, ending: str) -> None:
+def test_a_flight_with_nothing_but_a_stranger_s_outcome_has_none(tmp_path: Path, ending: str) -> None:
     strange: Message = ("outcome", "std_msgs/msg/String", 80, text(ending))
-    folder = write_bag(tmp_path / "bag", flight_with_everything(), lambda messages: [*messages, strange])
-    with pytest.raises(AnalysisError, match="cannot be understood"):
-        read_flight(folder)
+    bag = write_bag(tmp_path / "bag", flight_with_everything(), lambda m: [*without("outcome")(m), strange])
+    recording = RecordedFlight(bag)
+    assert recording.flight().outcome is Outcome.ABORTED
+    assert recording.ignored == {"outcome": 1}
 
 
 def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:

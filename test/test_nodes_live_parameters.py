@@ -109,6 +109,37 @@ def check(folder: Path, *arguments: str) -> dict[str, Any]:
     return dict(json.loads(result.stdout))
 
 
+@pytest.mark.parametrize(
+    ("kind", "given"),
+    [
+        ("controller", {"controller.horizon_steps": 10}),
+        (
+            "controller",
+            {"controller.horizon_steps": 10, "controller.P_err": 4e-4, "plant.hands.K_N": 20.0},
+        ),
+        ("reference", {"reference.amplitude_deg_s": 30.0}),
+    ],
+)
+def test_parameters_given_to_one_node_at_the_start_are_recorded(
+    ros: Ros, tmp_path: Path, kind: str, given: dict[str, Any]
+) -> None:
+    stage = Stage(ros, 0.4, wait_for_recorder=True)
+    for other in ("controller", "reference"):
+        stage.add(other, **(given if other == kind else {}))
+    stage.add("plant", command_timeout_s=50.0)
+    stage.given.pop("wait_for_recorder")
+    recorder = stage.add("recorder", bag_folder=str(tmp_path / "bag"))
+    ros.spin_until(lambda: recorder.finished and not recorder.missing())
+    assert recorder.close() == 0
+    bag = Bag(tmp_path / "bag")
+    told = [json.loads(message.data) for message in bag.of(topics.CHANGES)]
+    assert told == [{"node": kind, "step": 0, "parameters": given, "control": None}]
+    flown = simulate(override(load_scenario(SCENARIO, {"duration_s": 0.4}), given))
+    if "plant.hands.K_N" not in given:  # then only the controller's model has other hands
+        assert bag.states().tobytes() == flown.states.tobytes()
+    assert check(tmp_path / "bag")["equal"]
+
+
 def test_a_controller_that_changed_in_flight_is_checked_bit_for_bit(ros: Ros, tmp_path: Path) -> None:
     stage = RecordedStage(ros, tmp_path / "bag")
     remote = Remote(ros, "controller")

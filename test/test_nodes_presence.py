@@ -3,16 +3,20 @@
 import json
 import signal
 from itertools import pairwise
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from ros_fixtures import Partner, Processes, Ros, overrides
 
 from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.bag_recorder import RecorderNode
+from skydiver_utc.nodes.lockstep_plant import PlantNode
 from skydiver_utc.nodes.presence import Presence, State
+from skydiver_utc.nodes.preview_publisher import ReferenceNode
 from skydiver_utc.nodes.topics import RECORDED
 
 pytest_plugins = ("ros_fixtures",)
@@ -118,10 +122,36 @@ def test_a_process_that_stood_still_is_there_again(ros: Ros, processes: Processe
 
 
 @pytest.mark.parametrize("topic", RECORDED, ids=lambda topic: topic.name)
-def test_tools_with_the_default_quality_hear_and_are_heard(ros: Ros, topic: topics.Topic) -> None:
-    """No lease, no deadline: a publisher or listener with rclpy's default matches every topic of the flight."""
+def test_tools_with_the_default_quality_hear_every_topic(ros: Ros, topic: topics.Topic) -> None:
+    """No lease, no deadline: a listener with rclpy's default matches every topic of the flight."""
     node = ros.partner("tool")
-    default = QoSProfile(depth=10)
-    listener = node.create_subscription(topic.type, topic.name, lambda _: None, default)
+    listener = node.create_subscription(topic.type, topic.name, lambda _: None, QoSProfile(depth=10))
     sender = node.create_publisher(topic.type, topic.name, topic.qos)
     ros.spin_until(lambda: sender.get_subscription_count() == 1 == listener.get_publisher_count())
+
+
+@pytest.mark.parametrize(
+    ("kind", "topic"),
+    [
+        *((RecorderNode, topic) for topic in RECORDED),
+        (PlantNode, topics.COMMAND),
+        (ReferenceNode, topics.CLOCK),
+    ],
+    ids=lambda value: value.name if isinstance(value, topics.Topic) else value.__name__,
+)
+def test_tools_with_the_default_quality_are_heard_except_on_latched_topics(
+    ros: Ros, tmp_path: Path, kind: Any, topic: topics.Topic
+) -> None:
+    """Against the subscriptions of the nodes themselves; on a latched topic a tool must latch, too."""
+    recorder = {"bag_folder": str(tmp_path / "bag")} if kind is RecorderNode else {}
+    ros.add(kind(ros.context, overrides(**recorder)))
+    tool = ros.partner("tool")
+    latching = QoSProfile(depth=10, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+    heard = tool.create_publisher(topic.type, topic.name, latching)
+    ros.spin_until(lambda: heard.get_subscription_count() >= 1)
+    usual = tool.create_publisher(topic.type, topic.name, QoSProfile(depth=10))
+    if topic.latched:
+        ros.spin_for(0.5)
+        assert usual.get_subscription_count() == 0
+    else:
+        ros.spin_until(lambda: usual.get_subscription_count() >= 1)

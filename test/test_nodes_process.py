@@ -1,6 +1,9 @@
 """How a node process treats signals, in this process."""
 
+import os
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -32,3 +35,13 @@ def test_once_the_node_runs_a_signal_is_only_noted(stop: StopRequest, number: si
     signal.raise_signal(number)
     signal.raise_signal(number)
     assert stop.requested
+
+
+@pytest.mark.parametrize("kind", ["plant", "recorder"])
+def test_a_help_text_whose_reader_has_gone_is_no_error(kind: str) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", f"skydiver_utc.nodes.{kind}_node", "--help"]
+    ended = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert (ended.returncode, ended.stderr) == (0, "")

@@ -6,13 +6,14 @@ belly to earth does not.
 
 import json
 import random
+import re
 import signal
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from ros_fixtures import Processes, Ros, overrides
+from ros_fixtures import NodeProcess, Processes, Ros, overrides
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.lockstep_controller import ControllerNode
@@ -22,7 +23,7 @@ from skydiver_utc.nodes.preview_publisher import ReferenceNode
 from skydiver_utc.nodes.stamps import StepGrid
 from skydiver_utc.parameters import load_scenario
 from skydiver_utc.plant.skydiver import CONTROL_NAMES
-from skydiver_utc.simulation.build import build_plant
+from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
 from skydiver_utc.simulation.closed_loop import simulate
 from skydiver_utc.simulation.outcome import Outcome, dorsal_axis_height
 
@@ -42,7 +43,8 @@ class Watched:
         self.real_time = self.common | {"mode": "real_time"}
         heard = ros.spectator().heard
         self.states, self.applied = heard[topics.STATE], heard[topics.APPLIED_COMMAND]
-        self.outcomes = heard[topics.OUTCOME]
+        self.outcomes, self.commands = heard[topics.OUTCOME], heard[topics.COMMAND]
+        self.heard_previews = heard[topics.REFERENCE_PREVIEW]
 
     def until_step(self, k: int) -> int:
         """Wait for a step; returns the newest one."""
@@ -135,6 +137,92 @@ def test_when_the_controller_dies_the_skydiver_falls_on_neutral_and_the_outcome_
     assert "the skydiver fell on in the neutral posture" in told["reason"]
     assert flight.heights().min() > 0.0
     assert plant.wait() == 1
+
+
+class Killed(Watched):
+    """A flight of processes, longer than any test of it takes: it is stopped."""
+
+    def __init__(self, ros: Ros, processes: Processes) -> None:
+        super().__init__(ros, 600.0)
+        self.processes = processes
+        self.nodes = {kind: self.start(kind) for kind in ("plant", "reference", "controller")}
+
+    def start(self, kind: str) -> NodeProcess:
+        return self.processes.start(kind, self.common if kind == "reference" else self.real_time)
+
+    def kill_and_start(self, kind: str) -> int:
+        """The step at which it was killed, or soon after."""
+        self.until_step(100)
+        self.nodes[kind].kill()
+        killed_at = self.step()
+        self.nodes[kind] = self.start(kind)
+        return killed_at
+
+    def stop(self) -> dict[str, Any]:
+        """The outcome; each step is there and in the account, which has the step under way, too."""
+        self.nodes["plant"].signal(signal.SIGINT)
+        self.ros.spin_until(lambda: self.outcomes)
+        told = dict(json.loads(self.outcomes[-1].data))
+        account, steps = told["real_time"], told["states"] - 1
+        self.ros.spin_until(lambda: self.steps_of(self.applied) == set(range(steps)))
+        self.ros.spin_until(lambda: self.steps_of(self.states) == set(range(steps + 1)))
+        assert account["steps"] == steps + 1
+        assert sum(account[name] for name in ("on_time", "late", "stale", "lost")) == steps + 1
+        assert told["outcome"] == "aborted"
+        assert self.heights().min() > 0.0
+        assert self.nodes["plant"].wait() == 0
+        return told
+
+    def steps_of(self, messages: list[Any]) -> set[int]:
+        return {self.grid.step_of(message.header.stamp) for message in messages}
+
+
+def test_a_controller_killed_and_started_again_goes_on_from_the_applied_command(
+    ros: Ros, processes: Processes
+) -> None:
+    """Its first answer is, bit for bit, that of a controller which resumes from what the plant held."""
+    flight = Killed(ros, processes)
+    killed_at = flight.kill_and_start("controller")
+    controller = flight.nodes["controller"]
+    controller.wait_for_output("goes on from the command applied at step")
+    heard = len(flight.commands)
+    ros.spin_until(lambda: len(flight.commands) > heard + 100)
+    flight.stop()
+    match = re.search(r"goes on from the command applied at step (\d+)", controller.output)
+    assert match is not None
+    held_at = int(match[1])
+    assert held_at >= killed_at - 1
+    answers = [m for m in flight.commands if flight.grid.step_of(m.header.stamp) > held_at]
+    first = flight.grid.step_of(answers[0].header.stamp)
+    pilot = build_controller(flight.scenario)
+    pilot.resume(flight.applied_control(held_at))
+    state = next(read_state(m) for m in flight.states if flight.grid.step_of(m.header.stamp) == first)
+    reference = build_reference(flight.scenario).preview(first, pilot.preview_steps + 1)
+    expected = pilot.decide(state, reference).control
+    assert read_named_values(answers[0], CONTROL_NAMES).tobytes() == expected.tobytes()
+
+
+def test_a_reference_killed_and_started_again_is_heard_in_real_time(ros: Ros, processes: Processes) -> None:
+    """Answers go on beyond all that the first one had told."""
+    flight = Killed(ros, processes)
+    flight.kill_and_start("reference")
+    told = max(flight.grid.step_of(chunk.header.stamp) + len(chunk.points) for chunk in flight.heard_previews)
+    flight.until_step(told + 200)
+    ros.spin_until(lambda: max(flight.steps_of(flight.commands)) > told + 100)
+    flight.stop()
+    assert "ready" in flight.nodes["reference"].output
+
+
+def test_a_recorder_killed_in_real_time_does_not_stop_the_flight(
+    ros: Ros, processes: Processes, tmp_path: Path
+) -> None:
+    flight = Killed(ros, processes)
+    recorder = processes.start("recorder", overrides(600.0, bag_folder=tmp_path / "bag"))
+    recorder.wait_for_output("ready")
+    killed_at = flight.until_step(100)
+    recorder.kill()
+    flight.until_step(killed_at + 300)
+    flight.stop()
 
 
 class Lossy:

@@ -13,7 +13,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from ros_fixtures import Partner, Processes, Ros, overrides
 from std_msgs.msg import String
 
-from skydiver_utc.nodes import topics
+from skydiver_utc.nodes import bag_recorder, topics
 from skydiver_utc.nodes.bag_recorder import RecorderNode
 from skydiver_utc.nodes.messages import ClockWriter, NamedValuesWriter, StateWriter
 from skydiver_utc.nodes.topics import RECORDED, Topic
@@ -98,7 +98,7 @@ def test_messages_without_a_stamp_get_the_newest_simulated_time_and_never_0(stag
     stage.ros.spin_for(0.2)
     stage.send(topics.STATE, stage.write_state(9, STATE))
     stage.ros.spin_for(0.2)
-    stage.send(topics.OUTCOME, String(data=json.dumps({"states": 0})))
+    stage.send(topics.OUTCOME, String(data=json.dumps({"states": 10})))
     stage.ros.spin_until(lambda: stage.node.finished)
     times = {topic: log for topic, log, _, _ in stage.recorded()}
     epoch_ns = stage.node.scenario.stamp_ns(0)
@@ -134,22 +134,101 @@ def test_the_outcome_ends_the_recording(stage: Stage) -> None:
     stage.ros.spin_until(lambda: stage.node.finished)
 
 
-def test_an_outcome_of_an_earlier_flight_does_not(ros: Ros, tmp_path: Path) -> None:
+def test_an_outcome_of_an_earlier_flight_neither_ends_it_nor_is_recorded(ros: Ros, tmp_path: Path) -> None:
     earlier = ros.partner("earlier")
-    earlier.sends(topics.OUTCOME).publish(String(data=json.dumps({"outcome": "completed", "states": 9})))
+    earlier.sends(topics.OUTCOME).publish(String(data=json.dumps({"outcome": "completed", "states": 0})))
     stage = Stage(ros, tmp_path / "bag").all_there()
+    ros.spin_until(lambda: stage.node.refusals.counts["earlier"])
     ros.spin_for(0.3)
     assert not stage.node.finished
-    assert [topic for topic, *_ in stage.recorded()] == ["/skydiver/outcome"]
+    assert stage.recorded() == []
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"states": null}', '{"outcome": "completed"}'])
-def test_an_outcome_that_tells_no_number_of_states_ends_it_too(stage: Stage, text: str) -> None:
+@pytest.mark.parametrize(
+    "text",
+    [
+        "hello",
+        "",
+        "{",
+        "[]",
+        '{"states": null}',
+        '{"states": -1}',
+        '{"states": true}',
+        '{"outcome": "completed"}',
+    ],
+)
+def test_a_text_that_is_no_outcome_is_refused_and_the_recording_goes_on(stage: Stage, text: str) -> None:
     stage.all_there()
+    stage.send(topics.STATE, stage.write_state(0, STATE))
     stage.send(topics.OUTCOME, String(data=text))
+    stage.ros.spin_until(lambda: stage.node.refusals.counts == {"outcome": 1})
+    stage.send(topics.STATE, stage.write_state(1, STATE))
+    stage.ros.spin_for(0.3)
+    assert not stage.node.finished
+    stage.send(topics.OUTCOME, String(data='{"states": 2}'))
     stage.ros.spin_until(lambda: stage.node.finished)
-    assert stage.node.refusals.counts == {"outcome": 1}
-    assert len(stage.recorded()) == 1
+    assert [topic for topic, *_ in stage.recorded()].count("/skydiver/state") == 2
+
+
+@pytest.mark.parametrize("states", [0, 90])
+def test_an_outcome_of_another_number_of_states_is_refused_when_the_flight_goes_on(
+    stage: Stage, states: int
+) -> None:
+    stage.all_there()
+    for k in range(20):
+        stage.send(topics.STATE, stage.write_state(k, STATE))
+    stage.ros.spin_for(0.2)
+    stage.send(topics.OUTCOME, String(data=json.dumps({"states": states})))
+    stage.ros.spin_for(0.2)
+    assert not stage.node.finished
+    stage.send(topics.STATE, stage.write_state(20, STATE))
+    stage.ros.spin_until(lambda: stage.node.refusals.counts == {"outcome": 1})
+    assert not stage.node.finished
+
+
+def test_an_outcome_of_another_number_of_states_counts_when_nothing_comes_any_more(
+    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last states may have been lost."""
+    monkeypatch.setattr(bag_recorder, "_REPAIR_S", 0.2)
+    stage = Stage(ros, tmp_path / "bag").all_there()
+    stage.send(topics.STATE, stage.write_state(0, STATE))
+    stage.send(topics.OUTCOME, String(data=json.dumps({"states": 9})))
+    ros.spin_until(lambda: stage.node.finished)
+    assert "only 1 of 9 messages of state were recorded" in stage.node.missing()
+
+
+@pytest.mark.parametrize("seconds", [1, 60, 1_800_000_000])
+def test_a_stamp_outside_of_the_flight_does_not_move_its_time(stage: Stage, seconds: int) -> None:
+    """Before the epoch (the scenario's is 1 735 689 600 s or so), after the end, and by the wall clock."""
+    strange_s = stage.grid.epoch_ns // 10**9 + 60 if seconds == 60 else seconds
+    stage.all_there()
+    stage.send(topics.STATE, stage.write_state(3, STATE))
+    stage.ros.spin_for(0.2)
+    for topic in (topics.DIAGNOSTICS, topics.COMMAND):
+        message = topic.type()
+        message.header.stamp.sec = strange_s
+        stage.send(topic, message)
+    stage.ros.spin_until(lambda: stage.node.refusals.counts == {"stamp": 2})
+    stage.send(topics.CHANGES, String(data="later"))
+    stage.ros.spin_for(0.2)
+    stage.node.close()
+    times = {topic: log for topic, log, _, _ in messages_of(stage.folder)}
+    here_ns = stage.node.scenario.stamp_ns(3)
+    assert [times[name] for name in ("/diagnostics", "/skydiver/command", "/skydiver/changes")] == [
+        here_ns
+    ] * 3
+
+
+def test_only_the_plant_moves_the_time_of_messages_without_a_stamp(stage: Stage) -> None:
+    stage.all_there()
+    stage.send(topics.STATE, stage.write_state(3, STATE))
+    stage.send(topics.COMMAND, NamedValuesWriter(stage.grid, CONTROL_NAMES).fill(9, np.zeros(4)))
+    stage.ros.spin_for(0.2)
+    stage.send(topics.CHANGES, String(data="{}"))
+    stage.ros.spin_for(0.2)
+    times = {topic: log for topic, log, _, _ in stage.recorded()}
+    assert times["/skydiver/changes"] == stage.node.scenario.stamp_ns(3)
 
 
 def test_it_stays_until_the_whole_flight_is_there(stage: Stage) -> None:

@@ -15,6 +15,7 @@ from click.testing import CliRunner
 from rclpy.qos import QoSProfile
 from ros_fixtures import Partner, Ros, overrides
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from skydiver_utc.cli import main
@@ -228,6 +229,47 @@ def test_options_of_the_check_need_it(tmp_path: Path) -> None:
     result = CliRunner().invoke(main, ["replay", str(tmp_path), "--json"])
     assert result.exit_code == 2
     assert "go with --check" in result.output
+
+
+@pytest.mark.parametrize(
+    "option", ["--rate=2", "--rate=1", "--start=1", "--loop", "--paused", "--topics=state", "--quiet"]
+)
+def test_the_check_refuses_options_of_playing(tmp_path: Path, option: str) -> None:
+    result = CliRunner().invoke(main, ["replay", str(tmp_path), "--check", option])
+    assert result.exit_code == 2
+    assert "do not go with --check" in result.output
+
+
+def test_a_folder_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
+    result = CliRunner().invoke(main, ["replay", str(tmp_path / "nothere")])
+    assert result.exit_code == 2
+    (line,) = result.output.splitlines()
+    assert line.startswith(f"Error: {tmp_path / 'nothere'} does not exist")
+
+
+def test_an_option_that_does_not_fit_the_recording_is_one_sentence(domain: int, tmp_path: Path) -> None:
+    run = text_bag(tmp_path / "bag")
+    command = [sys.executable, "-m", "skydiver_utc.cli", "replay", str(run), "--start", "5"]
+    ended = subprocess.run(
+        command, env={**os.environ, "ROS_DOMAIN_ID": str(domain)}, capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == 2
+    (line,) = ended.stderr.splitlines()
+    assert line.startswith("Error: the recording cannot be played: ")
+    assert "player_node" not in line
+
+
+def test_a_replay_into_a_flight_is_refused(ros: Ros, tmp_path: Path) -> None:
+    run = text_bag(tmp_path / "bag")
+    texts: list[Any] = []
+    other = ros.partner("other")
+    other.create_subscription(String, "/text", texts.append, 10)
+    other.sends(topics.CLOCK)
+    node = player(ros, run)
+    ros.spin_until(lambda: node.finished)
+    assert "/clock has another publisher" in node.refused
+    ros.spin_for(0.2)
+    assert texts == []
 
 
 def test_the_verb_plays_and_the_space_bar_pauses(ros: Ros, domain: int, tmp_path: Path) -> None:

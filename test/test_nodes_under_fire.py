@@ -11,19 +11,21 @@ from ros_fixtures import NodeProcess, Processes, Ros, overrides
 from rosgraph_msgs.msg import Clock
 from test_nodes_flight import Bag
 
+from skydiver_utc.analysis.recorded_flight import RecordedFlight
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.messages import read_named_values, read_state
 from skydiver_utc.nodes.stamps import StepGrid
 from skydiver_utc.parameters import load_scenario
 from skydiver_utc.plant.skydiver import CONTROL_NAMES
 from skydiver_utc.simulation.build import build_plant
-from skydiver_utc.simulation.outcome import dorsal_axis_height
+from skydiver_utc.simulation.outcome import Outcome, dorsal_axis_height
 
 pytest_plugins = ("ros_fixtures",)
 
 SCENARIO = "fast_turn_unknown_dynamics"
 DURATION_S = 600.0
-MARK = 7.0  # in a covariance that our nodes neither send nor read: a state that is not the plant's
+MARK = 7.0  # in fields that our nodes neither send nor read: a message that is not the plant's
+REACH = 51  # beyond the steps that an attack's stamps name before and after the one that is due
 
 
 class Attacker:
@@ -35,7 +37,8 @@ class Attacker:
         self.hostile = Hostile(seed, self.grid)
         self.near = build_plant(scenario).initial_state()
         self.partner = ros.partner("attacker")
-        self.applied = self.partner.hear(topics.APPLIED_COMMAND)
+        self.applied: list[Any] = []  # the plant's
+        self.partner.hear(topics.APPLIED_COMMAND, lambda m: m.effort or self.applied.append(m))
         makes = {
             topics.COMMAND: self.hostile.controls,
             topics.STATE: self.state,
@@ -46,6 +49,13 @@ class Attacker:
             topics.CLOCK_AWAITED: lambda _: self.hostile.text(),
             topics.RECORDER_READY: lambda _: self.hostile.text(),
             topics.TELEMETRY: self.hostile.controls,
+            topics.APPLIED_COMMAND: self.marked,
+            topics.JOINT_STATES: self.hostile.controls,
+            topics.SETPOINT: lambda k: self.stamped(topics.SETPOINT, k),
+            topics.DIAGNOSTICS: lambda k: self.stamped(topics.DIAGNOSTICS, k),
+            topics.OUTCOME: lambda _: self.hostile.text(),
+            topics.SCENARIO: lambda _: self.hostile.text(),
+            topics.CHANGES: lambda _: self.hostile.text(),
         }
         self.inputs = [(self.partner.sends(topic), make) for topic, make in makes.items()]
 
@@ -55,6 +65,16 @@ class Attacker:
     def state(self, k: int) -> Any:
         message = self.hostile.state(k, self.near)
         message.pose.covariance[35] = MARK
+        return message
+
+    def marked(self, k: int) -> Any:
+        message = self.hostile.controls(k)
+        message.effort = [MARK]
+        return message
+
+    def stamped(self, topic: topics.Topic, k: int) -> Any:
+        message = topic.type()
+        self.hostile.stamp(message.header.stamp, k)
         return message
 
     def clock(self, k: int) -> Any:
@@ -86,10 +106,11 @@ def test_a_flight_under_fire_goes_on_and_stays_finite(
     plant = processes.start("plant", given | patient | {"progress": True})
     controller = processes.start("controller", given | {"mode": mode})
     reference = processes.start("reference", given)
-    ros.spin_until(lambda: attacker.step() > 50)
+    ros.spin_until(lambda: attacker.step() > 2 * REACH)
+    before = attacker.step() - REACH
     attacker.attack()
     after = attacker.step()
-    ros.spin_until(lambda: attacker.step() > after + 100)
+    ros.spin_until(lambda: attacker.step() > after + 2 * REACH)
     for node in (plant, controller, reference):
         node.signal(signal.SIGINT)
         assert node.wait() == 0, node.output
@@ -100,10 +121,18 @@ def test_a_flight_under_fire_goes_on_and_stays_finite(
     for kind in ("stamp", "names", "finite", "model", "claim"):
         assert kind in refused(controller)
     bag = Bag(tmp_path / "bag")
-    flown = [read_state(message) for message in bag.of(topics.STATE) if message.pose.covariance[35] != MARK]
+    own = [message for message in bag.of(topics.STATE) if message.pose.covariance[35] != MARK]
+    flown = [read_state(message) for message in own]
     assert len(flown) > after
-    assert dorsal_axis_height(np.array(flown)).min() > 0.0 or "roll" in bag.outcome()["reason"]
     for message in bag.of(topics.APPLIED_COMMAND):
-        assert np.isfinite(read_named_values(message, CONTROL_NAMES)).all()
+        assert message.effort or np.isfinite(read_named_values(message, CONTROL_NAMES)).all()
+    recording = RecordedFlight(tmp_path / "bag")
+    flight = recording.flight()
+    assert flight.outcome is Outcome.ABORTED or "roll" in flight.reason
+    assert dorsal_axis_height(np.array(flown)).min() > 0.0 or "roll" in flight.reason
+    assert recording.ignored.keys() >= {"state", "command", "applied_command", "outcome", "changes"}
+    by_step = {attacker.grid.step_of(m.header.stamp): state for m, state in zip(own, flown, strict=True)}
+    for k in [*range(before), *range(after + REACH, len(flight.states))]:
+        assert np.array_equal(flight.states[k], by_step[k]), k
     for node in (plant, controller, reference, recorder):
         assert "Traceback" not in node.output

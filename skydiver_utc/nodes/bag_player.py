@@ -56,9 +56,7 @@ class PlayerNode(Node):
 
     def _open(self) -> None:
         self.finished = False
-        self.refused = (
-            ""  # what makes a node end with a sentence; this one is refused before it runs or not at all
-        )
+        self.refused = ""  # what makes it end with a sentence
         run = Path(self._parameter("run", ""))
         topics = _chosen(read_bag(run), [name for name in self._parameter("topics", [""]) if name])
         self.items = in_order(topics)
@@ -117,6 +115,13 @@ class PlayerNode(Node):
     def _tick(self) -> None:
         if not self._begun:
             if self._waits or not self._discovered():
+                return
+            if self.count_publishers(_CLOCK) > 1:
+                self.refused = (
+                    f"{_CLOCK} has another publisher, a flight or a replay goes on: end it, or play on another"
+                    " ROS_DOMAIN_ID"
+                )
+                self.finished = True
                 return
             self._begun = True
             self.pause(False)

@@ -20,6 +20,7 @@ from std_msgs.msg import String
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.diagnostics import Health, Level
+from skydiver_utc.nodes.end_of_flight import EndOfFlight
 from skydiver_utc.nodes.messages import SETPOINT_AXES
 from skydiver_utc.nodes.polled import Polled
 from skydiver_utc.nodes.scenario_node import ScenarioNode
@@ -67,8 +68,8 @@ class _Message(NamedTuple):
 class RecorderNode(ScenarioNode):
     """Polls its subscriptions, writes what came, and tells the plant when it hears every topic.
 
-    It has finished when it has heard a flight's outcome. A recording that cannot go on, on a full disk, never stops
-    a flight: `failure` says why, the messages are dropped, and the exit code is 1.
+    It has finished when it has heard the outcome of its flight (`EndOfFlight`). A recording that cannot go on, on a
+    full disk, never stops a flight: `failure` says why, the messages are dropped, and the exit code is 1.
 
     Configured it has an open bag; active it records; inactive it counts in `not_recorded` what it lets pass.
     """
@@ -92,8 +93,9 @@ class RecorderNode(ScenarioNode):
         super().configure()
         self.folder = Path(str(self.own["bag_folder"]) or self._default_folder())
         self._started_at_ns = time.time_ns()
-        self._flight_states: int | None = None  # how many the plant sent, told by its outcome
-        self._now_ns = self.scenario.stamp_ns(0)
+        self._end = EndOfFlight(_REPAIR_S, lambda error: self.refusals.add(topics.OUTCOME.name, error))
+        self._now_ns = self._first_ns = self.scenario.stamp_ns(0)
+        self._last_ns = self.scenario.stamp_ns(self.scenario.steps)
         self.failure, self.not_recorded, self.done = "", 0, False
         self._disk_is_slow = False
         self._bag = BagWriter(self.folder, _FLUSH_INTERVAL_S, _MOST_WAITING_BYTES)
@@ -141,6 +143,7 @@ class RecorderNode(ScenarioNode):
         messages = [message for channel in self._channels.values() for message in self._take_all(channel)]
         messages.sort(key=lambda message: message.log_time_ns)
         self._record(messages)
+        self.done = self._end.is_certain()
         return len(messages)
 
     def close(self) -> int:
@@ -211,7 +214,7 @@ class RecorderNode(ScenarioNode):
         while True:
             time.sleep(_QUIET_S)
             quiet = self.drain() == 0
-            in_flight = self._flight_states is None and self._channels[topics.STATE].count > 0
+            in_flight = self._end.states is None and self._channels[topics.STATE].count > 0
             patience_s = _OUTCOME_S if in_flight else _REPAIR_S
             complete = self.failure or (not in_flight and not self.missing())
             if (quiet and complete) or time.monotonic() - began > patience_s:
@@ -219,10 +222,10 @@ class RecorderNode(ScenarioNode):
 
     def missing(self) -> list[str]:
         """What the bag lacks of a flight that has ended, a sentence for each topic."""
-        if self._flight_states is None:
+        if self._end.states is None:
             return []
         expected = {
-            topic: self._flight_states - topic.fewer_than_states
+            topic: self._end.states - topic.fewer_than_states
             for topic in self._channels
             if topic.fewer_than_states is not None
             and (topic is not topics.SETPOINT or self.scenario.reference.signal in SETPOINT_AXES)
@@ -261,36 +264,45 @@ class RecorderNode(ScenarioNode):
             while (taken := handle.take_message(channel.topic.type, True)) is not None:
                 data, info = taken
                 sent_at_ns = info["source_timestamp"]
-                messages.append(_Message(self._log_time_ns(channel, data), channel.id, data, sent_at_ns))
-        if messages and channel.topic is topics.OUTCOME:
-            self._note_outcome(messages[-1])
+                message = _Message(self._log_time_ns(channel, data), channel.id, data, sent_at_ns)
+                if self._belongs_to_the_flight(channel, message):
+                    messages.append(message)
         return messages
 
-    def _note_outcome(self, message: _Message) -> None:
-        """The outcome ends the recording, unless it is one still latched from an earlier flight."""
-        if message.publish_time_ns >= self._started_at_ns:
-            self.done = True
-            try:
-                outcome = json.loads(deserialize_message(message.data, String).data)
-                self._flight_states = int(outcome["states"])
-            except (ValueError, TypeError, KeyError) as error:
-                sentence = f"it does not tell how many states the flight had ({error!r})"
-                self.refusals.add(topics.OUTCOME.name, BorderError("outcome", sentence))
+    def _belongs_to_the_flight(self, channel: _Channel, message: _Message) -> bool:
+        """Note states and outcomes; False for an outcome still latched from an earlier flight."""
+        sent_at_ns = message.publish_time_ns
+        if channel.topic is topics.STATE:
+            step, rest = divmod(message.log_time_ns - self.grid.epoch_ns, self.grid.dt_ns)
+            if not rest:
+                self._end.hear_state(step, sent_at_ns)
+        elif channel.topic is topics.OUTCOME:
+            if sent_at_ns < self._started_at_ns:
+                self.refusals.add(
+                    channel.topic.name, BorderError("earlier", "it was sent before this recorder began")
+                )
+                return False
+            self._end.hear_outcome(deserialize_message(message.data, String).data, sent_at_ns)
+        return True
 
     def _log_time_ns(self, channel: _Channel, data: bytes) -> int:
-        """A message's own stamp; without one, the newest simulated time seen, at first the epoch."""
+        """A message's own stamp; without one in the flight's time, the newest that the plant has told."""
         if channel.topic.type is String:
             return self._now_ns
         try:
             stamp_ns = leading_stamp_ns(data)
-            if stamp_ns <= 0:
-                raise BorderError("stamp", "it has no stamp, it is recorded at the newest simulated time")
-        except (RecordingError, BorderError) as error:
-            refusal = error if isinstance(error, BorderError) else BorderError("stamp", str(error))
-            self.refusals.add(channel.topic.name, refusal)
-            return self._now_ns
-        self._now_ns = max(self._now_ns, stamp_ns)
+        except RecordingError as error:
+            return self._refuse_stamp(channel, str(error))
+        if not self._first_ns <= stamp_ns <= self._last_ns:
+            sentence = "its stamp is outside of the flight, it is recorded at the newest simulated time"
+            return self._refuse_stamp(channel, sentence)
+        if channel.topic in (topics.CLOCK, topics.STATE):
+            self._now_ns = max(self._now_ns, stamp_ns)
         return stamp_ns
+
+    def _refuse_stamp(self, channel: _Channel, sentence: str) -> int:
+        self.refusals.add(channel.topic.name, BorderError("stamp", sentence))
+        return self._now_ns
 
     def _open_channel(self, bag: BagWriter, topic: Topic, group: CallbackGroup) -> _Channel:
         qos = QoSProfile(depth=_DEPTH, reliability=topic.qos.reliability, durability=topic.qos.durability)

@@ -13,6 +13,8 @@ from skydiver_utc.nodes.node_parameters import Resolved, fixed_because
 from skydiver_utc.parameters import Leaf, ParameterError, Scenario, leaves, override
 
 _LARGEST_INTEGER = 2**63 - 1
+# What of a scenario makes a node's answers; the controller begins from the initial control.
+_WORKS_WITH = {"controller": ("controller.", "plant.", "air.", "initial."), "reference": ("reference.",)}
 
 Values = Mapping[str, object]
 
@@ -98,6 +100,16 @@ class LiveParameters:
         if self._proposed is not None:
             self.coming, self._proposed = self._proposed, None
             self._asked()
+
+
+def differences(kind: str, own: Scenario, plants: Scenario) -> dict[str, object]:
+    """What a node of this kind works with and the plant's scenario has otherwise, by dotted name."""
+    there = {leaf.name: leaf.value for leaf in leaves(plants)}
+    return {
+        leaf.name: _plain(leaf.value)
+        for leaf in leaves(own)
+        if leaf.name.startswith(_WORKS_WITH[kind]) and leaf.value != there.get(leaf.name)
+    }
 
 
 def _plain(value: Any) -> Any:

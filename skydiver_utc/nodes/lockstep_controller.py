@@ -60,6 +60,7 @@ class ControllerNode(ScenarioNode):
         self._write_command = NamedValuesWriter(self.grid, CONTROL_NAMES).fill
         self._command = np.zeros(len(CONTROL_NAMES))
         self._began_from: Vector | None = None
+        self._began_at = 0  # the step of that decision
         self._begins = False  # anew at the next decision, from `_began_from`, None: the initial control
         self._commands = self.advertise(topics.COMMAND)
         self._telemetry = self.advertise(topics.TELEMETRY)
@@ -244,9 +245,14 @@ class ControllerNode(ScenarioNode):
         in_flight = None if self.answered < 0 else self._command
         self._begin_anew(self._began_from if self._begins else in_flight)
 
+    def tell_difference(self) -> None:
+        """With the step where this node began to answer; before that it is told with the first answer."""
+        if self.answered >= 0 and not self._begins:
+            self._tell_beginning(self._began_at)
+
     def _tell_beginning(self, k: int) -> None:
-        self._begins = False
-        if k > 0 or self.live.changed:
+        self._begins, self._began_at = False, k
+        if k > 0 or self.live.changed or self.differs:
             self.tell_change(k, None if self._began_from is None else self._began_from.tolist())
 
     def _served(self) -> int:

@@ -78,6 +78,11 @@ class ReferenceNode(ScenarioNode):
             if self._k >= 0:
                 self.tell_change(told)
 
+    def tell_difference(self) -> None:
+        """At once in flight; else it is told when one begins."""
+        if self._k >= 0:
+            self.tell_change(0)
+
     def on_clock(self, message: Any) -> None:
         """Publish the value at this step, and the next chunk when it is due.
 
@@ -91,9 +96,12 @@ class ReferenceNode(ScenarioNode):
             return
         if self._k < 0:
             self.serve()
-        if self.live.changed and (self._k < 0 or k < self._k):
+        if self._k < 0 or k < self._k:
             # A flight begins: its bag must tell.
-            self.tell_change(self._reference.changed_at)
+            if self.live.changed:
+                self.tell_change(self._reference.changed_at)
+            elif self.differs:
+                self.tell_change(0)
         repeated = k == self._k
         if not repeated:
             self._k, self._heard_at, self._told_silence = k, time.monotonic(), False

@@ -47,7 +47,7 @@ def run(kind: str, arguments: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv if arguments is None else arguments)
     try:
         if "--help" in arguments or "-h" in arguments:
-            print(usage(kind))
+            _print(usage(kind))
             return 0
         discovery.prepare(os.environ)
         return _run(kind, arguments)
@@ -59,6 +59,15 @@ def run(kind: str, arguments: Sequence[str] | None = None) -> int:
         if "rcl" not in str(error) and "rmw" not in str(error):
             raise
         return _refuse(kind, f"{error}: source a ROS 2 Jazzy environment, or install with the extra [ros]")
+
+
+def _print(text: str) -> None:
+    """On stdout; whoever reads it may close it early, as `head` does."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        # The interpreter flushes once more at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _refuse(kind: str, sentence: str) -> int:

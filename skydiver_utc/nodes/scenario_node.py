@@ -17,14 +17,14 @@ from std_msgs.msg import String
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.border import BorderError, Refusals
 from skydiver_utc.nodes.diagnostics import Health, Level, ProcessUsage, diagnostic_message
-from skydiver_utc.nodes.live_parameters import LiveParameters
+from skydiver_utc.nodes.live_parameters import LiveParameters, differences
 from skydiver_utc.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
 from skydiver_utc.nodes.node_parameters import resolve
 from skydiver_utc.nodes.presence import Presence
 from skydiver_utc.nodes.roll_call import RollCall, read_claim
 from skydiver_utc.nodes.stamps import StepGrid
 from skydiver_utc.nodes.topics import NAMESPACE, Topic
-from skydiver_utc.parameters import ParameterError, Scenario
+from skydiver_utc.parameters import ParameterError, Scenario, from_yaml
 
 _DIAGNOSTICS_PERIOD_S = 1.0
 # Two recorders write into two folders; of all others one is enough.
@@ -69,6 +69,10 @@ class ScenarioNode(ManagedNode):
         self.presences = {other: self._watch_process(other) for other in _WATCHED[kind]}
         self._roll_call = self._join(kind) if kind in _ONE_OF_A_KIND else None
         self._changes = self.advertise(topics.CHANGES) if kind in _ONE_OF_A_KIND else None
+        self._at_start = resolved.scenario
+        self.differs: dict[str, object] = {}  # what was given at the start to this node and not to the plant
+        if kind in (topics.CONTROLLER, topics.REFERENCE):
+            self.listen(topics.SCENARIO, self.on_scenario)
         self.live = LiveParameters(self, kind, resolved, self.rebuilt, self.change_is_coming)
         changes = "; ".join(resolved.changes) or "as in its file"
         self.get_logger().info(f"scenario {resolved.scenario.name}: {changes}")
@@ -107,9 +111,24 @@ class ScenarioNode(ManagedNode):
         self.scenario = change.scenario
         return change.part
 
+    def on_scenario(self, message: Any) -> None:
+        """Compare the plant's scenario, which is the recorded one, with that of this node."""
+        try:
+            plants = from_yaml(message.data)
+        except ParameterError as error:
+            self.refusals.add(topics.SCENARIO.name, BorderError("scenario", str(error)))
+            return
+        differs = differences(self._kind, self._at_start, plants)
+        if differs != self.differs:
+            self.differs = differs
+            self.tell_difference()
+
+    def tell_difference(self) -> None:
+        """Record in what this node differs from the plant's scenario, if its part in the flight has begun."""
+
     def tell_change(self, k: int, control: Sequence[float] | None = None) -> None:
-        """Record that all changes so far are in force from step k on; a controller begins there from `control`."""
-        values = self.live.changed
+        """Record what differs and was changed, in force from step k on; a controller begins from `control`."""
+        values = {**self.differs, **self.live.changed}
         record = {"node": self._kind, "step": k, "parameters": values, "control": control}
         text = ", ".join(f"{name} = {value}" for name, value in values.items()) or "those of the start"
         self.get_logger().info(f"parameters from step {k} on: {text}")

@@ -7,9 +7,9 @@ from skydiver_utc.parameters import Leaf, scenario_names
 
 _PURPOSES = {
     "plant": "The virtual skydiver: publishes its state, steps on the command that answers it.",
-    "reference": "Publishes previews of the yaw-rate reference.",
+    "reference": "Publishes previews of the reference: a yaw rate, a pitch rate or the pattern angle alpha.",
     "controller": "The scenario's controller: answers each state with a command.",
-    "recorder": "Records every topic into a rosbag2 folder until it is interrupted.",
+    "recorder": "Records every topic into a rosbag2 folder until the flight's outcome, or until it is interrupted.",
 }
 
 

@@ -23,7 +23,7 @@ from skydiver_utc.parameters.controller import (
     UtcParameters,
 )
 from skydiver_utc.parameters.leaves import Leaf, leaves
-from skydiver_utc.parameters.loading import load_scenario, override, scenario_names, to_yaml
+from skydiver_utc.parameters.loading import from_yaml, load_scenario, override, scenario_names, to_yaml
 from skydiver_utc.parameters.plant import (
     Air,
     Damping,
@@ -85,6 +85,7 @@ __all__ = [
     "Subject",
     "Suit",
     "UtcParameters",
+    "from_yaml",
     "leaves",
     "load_scenario",
     "override",

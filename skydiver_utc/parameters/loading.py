@@ -4,6 +4,7 @@ import difflib
 import os
 import re
 import sys
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -72,6 +73,14 @@ def override(scenario: Scenario, overrides: Mapping[str, object]) -> Scenario:
 def to_yaml(scenario: Scenario) -> str:
     """The resolved scenario as YAML that `load_scenario` reads back."""
     return write_yaml(msgspec.to_builtins(scenario))
+
+
+def from_yaml(text: str) -> Scenario:
+    """The scenario of such a text, checked as its file would be. Raises `ParameterError`."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "scenario.yaml"
+        copy.write_text(text, encoding="utf-8")
+        return load_scenario(str(copy))
 
 
 def _scenario_path(name_or_path: str) -> Path:

@@ -4,9 +4,11 @@ import json
 from pathlib import Path
 from typing import Any
 
+import click
+
 from skydiver_utc.analysis.figures import tracking_figure
 from skydiver_utc.analysis.metrics import metrics, to_json
-from skydiver_utc.analysis.recorded_flight import read_flight
+from skydiver_utc.analysis.recorded_flight import RecordedFlight
 from skydiver_utc.analysis.report import report_html
 from skydiver_utc.analysis.style import png
 from skydiver_utc.simulation.flight import Flight
@@ -21,15 +23,22 @@ def analyse(folder: Path, as_json: bool) -> Flight:
         print(to_json(values))
     else:
         show_metrics(values, flight.scenario.title)
+        if ignored := values["ignored_messages"]:
+            told = ", ".join(f"{count} on {name}" for name, count in ignored.items())
+            click.echo(f"ignored messages that belong to no step or cannot be understood: {told}")
     return flight
 
 
 def examine(folder: Path) -> tuple[Flight, dict[str, Any]]:
-    """Read the run and write its metrics, figure and report beside the bag; the flight and its metrics."""
+    """Read the run and write its metrics, figure and report beside the bag; the flight and its metrics.
+
+    `ignored_messages` of the metrics tells, by topic, how many messages belong to no step or cannot be understood.
+    """
     if folder.is_file():
         raise VerbError(f"{folder} is a file: give the run folder that it lies in")
-    flight = read_flight(folder)
-    values = metrics(flight)
+    recording = RecordedFlight(folder)
+    flight = recording.flight()
+    values = {**metrics(flight), "ignored_messages": dict(recording.ignored)}
     figure = png(tracking_figure(flight))
     report = report_html(flight, values, figure, _versions(folder / "versions.json"))
     (folder / "metrics.json").write_text(to_json(values) + "\n", encoding="utf-8")

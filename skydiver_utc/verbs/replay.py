@@ -12,6 +12,7 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from skydiver_utc.recording.reader import read_bag
 from skydiver_utc.verbs.errors import VerbError
 from skydiver_utc.verbs.keyboard import keys
 from skydiver_utc.verbs.node_processes import PLAYER, NodeProcesses, interruptible
@@ -26,11 +27,10 @@ def replay(
 ) -> int:
     """Play the run to its end, or until it is interrupted; returns the exit code."""
     require_rclpy()
+    read_bag(folder)
     # Others are to hear it: the caller's domain, not one of its own as for a flight.
     environment = node_environment({**os.environ, "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or "0"})
-    if not quiet:
-        place = f"{folder} on ROS domain {environment['ROS_DOMAIN_ID']}"
-        click.echo(f"playing {place}; the space bar pauses and goes on, Ctrl-C ends", err=True)
+    place = f"{folder} on ROS domain {environment['ROS_DOMAIN_ID']}"
     parameters: dict[str, str | bool | float | list[str]] = {
         "run": str(folder.absolute()),
         "rate": rate,
@@ -49,19 +49,29 @@ def replay(
         try:
             nodes.start(PLAYER, parameters)
             with keys() as pressed, _progress(quiet) as show:
-                _follow(nodes, pressed, show)
+                _follow(nodes, pressed, show, "" if quiet else f"playing {place}")
         except KeyboardInterrupt:
             click.echo("stopped", err=True)
             return _STOPPED
         if nodes.ending(PLAYER) != "exit code 0":
-            raise VerbError(f"the recording cannot be played:{nodes.last_lines(PLAYER)}")
+            raise VerbError(f"the recording cannot be played: {_reason(nodes.last_lines(PLAYER))}")
     return 0
 
 
-def _follow(nodes: NodeProcesses, pressed: Callable[[], str], show: Callable[[dict[str, Any]], None]) -> None:
+def _reason(last_lines: str) -> str:
+    """What the player said last, without its name."""
+    *_, last = last_lines.strip().splitlines() or ["it said nothing"]
+    return last.strip().removeprefix("player_node: ")
+
+
+def _follow(
+    nodes: NodeProcesses, pressed: Callable[[], str], show: Callable[[dict[str, Any]], None], told: str
+) -> None:
     listens = False  # only a player that reports takes the signal, another one would end of it
     while not nodes.ended(PLAYER):
         for report in nodes.reports():
+            if told and not listens:
+                click.echo(f"{told}; the space bar pauses and goes on, Ctrl-C ends", err=True)
             listens = True
             show(report)
         if pressed().count(_PAUSE_KEY) % 2 and listens:
