@@ -4,6 +4,7 @@ import atexit
 import math
 import operator
 import os
+import sys
 import threading
 import time
 from collections import deque
@@ -149,6 +150,7 @@ class BagWriter:
 
     def _record(self) -> None:
         """The recording thread, from the first message to the end of the bag."""
+        _leave_real_time_priority()
         try:
             with self._file:
                 self._store.start()
@@ -162,6 +164,15 @@ class BagWriter:
             write_whole(self.folder / METADATA_FILE, text)
         except Exception as error:  # kept for the caller, who would not see how a thread ends
             self._failure = error
+
+
+def _leave_real_time_priority() -> None:
+    """Let this thread compress and write like any other, where the process has real-time priority.
+
+    Threads of one such priority do not take turns: the plant would wait for a flush that takes longer than a step.
+    """
+    if sys.platform == "linux" and os.sched_getscheduler(0) in (os.SCHED_FIFO, os.SCHED_RR):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 def _create_bag(folder: Path, mcap_path: Path) -> BinaryIO:
