@@ -170,6 +170,17 @@ def test_a_text_that_is_no_outcome_is_refused_and_the_recording_goes_on(stage: S
     assert [topic for topic, *_ in stage.recorded()].count("/skydiver/state") == 2
 
 
+def test_bytes_that_are_no_message_on_outcome_are_refused_and_the_recording_goes_on(stage: Stage) -> None:
+    """The recorder takes bytes, which the middleware has not looked into."""
+    stage.all_there()
+    stage.send(topics.STATE, stage.write_state(0, STATE))
+    stage.others.sends(topics.OUTCOME).publish(bytes([0, 1, 0, 0, 255, 255, 255, 127, 1]))
+    stage.ros.spin_until(lambda: stage.node.refusals.counts == {"outcome": 1})
+    assert not stage.node.finished
+    stage.send(topics.OUTCOME, String(data='{"states": 1}'))
+    stage.ros.spin_until(lambda: stage.node.finished)
+
+
 @pytest.mark.parametrize("states", [0, 90])
 def test_an_outcome_of_another_number_of_states_is_refused_when_the_flight_goes_on(
     stage: Stage, states: int

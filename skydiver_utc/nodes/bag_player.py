@@ -22,6 +22,7 @@ from std_srvs.srv import SetBool
 
 from skydiver_utc.nodes.topics import EACH_STEP
 from skydiver_utc.parameters import ParameterError
+from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.metadata import parse_qos_profiles
 from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.playback import Item, Playback, in_order
@@ -50,7 +51,7 @@ class PlayerNode(Node):
         super().__init__("player", context=context, parameter_overrides=given)
         try:
             self._open()
-        except Exception:
+        except (ParameterError, RecordingError):
             self.destroy_node()
             raise
 

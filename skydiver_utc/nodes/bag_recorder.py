@@ -12,6 +12,7 @@ from typing import NamedTuple
 import yaml
 from rclpy.callback_groups import CallbackGroup
 from rclpy.context import Context
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
@@ -282,8 +283,16 @@ class RecorderNode(ScenarioNode):
                     channel.topic.name, BorderError("earlier", "it was sent before this recorder began")
                 )
                 return False
-            self._end.hear_outcome(deserialize_message(message.data, String).data, sent_at_ns)
+            self._hear_outcome(message)
         return True
+
+    def _hear_outcome(self, message: _Message) -> None:
+        try:
+            text = deserialize_message(message.data, String).data
+        except rclpy_implementation.RMWError:
+            self.refusals.add(topics.OUTCOME.name, BorderError("outcome", "its bytes are no text"))
+            return
+        self._end.hear_outcome(text, message.publish_time_ns)
 
     def _log_time_ns(self, channel: _Channel, data: bytes) -> int:
         """A message's own stamp; without one in the flight's time, the newest that the plant has told."""
