@@ -10,7 +10,7 @@ STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help install demo test kills lint bench bench-tools bench-ros study paper soak network clean
+.PHONY: help install demo test kills lint bench bench-tools rivals-tools tools bench-ros study paper soak network clean
 
 help:
 	@echo "make demo      fly SCENARIO ($(SCENARIO)) over ROS and record it below bags/"
@@ -18,6 +18,7 @@ help:
 	@echo "make kills     kill the recorder 20 times in flight, count what is recovered"
 	@echo "make lint      ruff and mypy"
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
+	@echo "make rivals-tools fly CasADi, do-mpc and OSQP on the fast turn with their tuned costs; some ten minutes"
 	@echo "make bench-ros time a flight over four processes beside a bare rclpy loop of four; some three minutes"
 	@echo "make study     fly 4 x 500 random tunings again, into docs/paper; some ten minutes"
 	@echo "make paper     make all of docs/paper and docs/figures/tuning again, study included"
@@ -45,9 +46,14 @@ lint: $(STAMP)
 bench: $(STAMP)
 	$(VENV)/bin/python benchmarks/run.py $(ARGS)
 
-bench-tools: $(STAMP)
-	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation '.[bench]'
+bench-tools: tools
 	$(VENV)/bin/python benchmarks/run.py $(ARGS)
+
+rivals-tools: tools
+	$(VENV)/bin/python benchmarks/rivals.py --tool-chains
+
+tools: $(STAMP)
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation '.[bench]'
 
 bench-ros: $(STAMP)
 	$(VENV)/bin/python benchmarks/four_processes.py $(ARGS)

@@ -2,12 +2,19 @@
 
 Each controller flies the fast turn (400 deg/s at 0.2 Hz) with its scenario's parameters, and the slow turn
 (180 deg/s at 0.1 Hz) with the same ones. RMSE, convergence and effort as `skydiver-utc simulate` reports them. What
-a decision takes is in docs/benchmarks.md.
+a decision takes is in docs/benchmarks.md. With --tool-chains the rows of tool_chains/tuned.yaml instead, some ten
+minutes: ``make rivals-tools``.
 """
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import click
 
 from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.control.protocol import Controller
+from skydiver_utc.parameters import Scenario
+from skydiver_utc.simulation.build import build_controller
 from skydiver_utc.simulation.closed_loop import simulate
 from skydiver_utc.studies.runs import run
 
@@ -31,6 +38,31 @@ FLOWN = {
 SLOW = (("reference.amplitude_deg_s", 180.0), ("reference.frequency_hz", 0.1))
 
 
+class Entry(NamedTuple):
+    """A row's name, what is flown, and what builds its controller."""
+
+    name: str
+    fast: Scenario
+    slow: Scenario
+    build: Callable[[Scenario], Controller]
+
+
+def package() -> Iterator[Entry]:
+    """The controllers of the package."""
+    for command, one in FLOWN.items():
+        slow = run(one.scenario, *one.settings, *SLOW).load()
+        yield Entry(command, one.load(), slow, build_controller)
+
+
+def chains() -> Iterator[Entry]:
+    """The tool chains, which are an extra."""
+    from tool_chains.chains import controller_of, tuned
+
+    slow = tuned(dict(SLOW))
+    for name, (chain, fast) in tuned().items():
+        yield Entry(name, fast, slow[name].scenario, controller_of(chain))
+
+
 def number(value: float | None) -> str:
     """Two digits, whole numbers from 10 on."""
     if value is None:
@@ -39,20 +71,23 @@ def number(value: float | None) -> str:
 
 
 @click.command(help=__doc__)
-def main() -> None:
+@click.option("--tool-chains", is_flag=True, help="The rows of the tool chains (extra bench).")
+def main(tool_chains: bool) -> None:
     print("| scenario | RMSE | converged | effort | slow turn: RMSE | effort |")
     print("|---|---|---|---|---|---|")
-    for command, one in FLOWN.items():
-        fast = metrics(simulate(one.load()))
-        slow = metrics(simulate(run(one.scenario, *one.settings, *SLOW).load()))
+    for entry in chains() if tool_chains else package():
+        fast, slow = (metrics(simulate(s, build=entry.build)) for s in (entry.fast, entry.slow))
         print(
-            f"| `{command}` | {number(fast['rmse_deg_s'])} | {number(fast['convergence_time_s'])}"
+            f"| `{entry.name}` | {number(fast['rmse_deg_s'])} | {number(fast['convergence_time_s'])}"
             f" | {number(fast['control_effort'])} | {number(slow['rmse_deg_s'])}"
-            f" | {number(slow['control_effort'])} |"
+            f" | {number(slow['control_effort'])} |",
+            flush=True,
         )
-        for outcome in (fast, slow):
-            if outcome["outcome"] != "completed":
-                print(f"<!-- {command}: {outcome['outcome']}, {outcome['reason']} -->")
+        for flown in (fast, slow):
+            if flown["outcome"] != "completed":
+                print(f"<!-- {entry.name}: {flown['outcome']}, {flown['reason']} -->")
+            if kept := flown["status_steps"]["kept_previous"]:
+                print(f"<!-- {entry.name}: without an answer in {kept} steps -->")
 
 
 if __name__ == "__main__":

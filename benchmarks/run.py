@@ -112,7 +112,7 @@ def chains() -> Iterator[Group]:
 
     for steps in (20, 5):
         scenario = short(FAST, {"controller.horizon_steps": steps})
-        subjects = [Subject("UTC", decision(scenario), batch=20), *tool_chains(scenario)]
+        subjects = [Subject("UTC", decision(scenario), batch=20), *tool_chains(steps)]
         yield Group(f"one control step, tool chains, N = {steps}", subjects, rounds=15)
 
 

@@ -5,7 +5,8 @@ FACTOR of its start; the other half are drawn around the best so far, log-normal
 flight from a third of the way to FACTOR to a hundredth. Values are rounded to three digits and cut at the
 parameter's bounds before they are flown. The objective is the RMSE after 2 s in deg/s, with ROLLED_OVER added for a
 body that rolled over and DIVERGED in its place for a flight that did not end. Prints one line per flight that is
-better than all before, and the parameters to write into the scenario.
+better than all before, and the parameters to write into the scenario. The tool chains (extra `bench`) solve the
+program of `gauss_newton` and are tuned in its parameters; theirs go into tool_chains/tuned.yaml.
 """
 
 import math
@@ -17,7 +18,9 @@ import click
 import numpy as np
 
 from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.control.protocol import Controller
 from skydiver_utc.parameters import Leaf, Scenario, leaves, load_scenario
+from skydiver_utc.simulation.build import build_controller
 from skydiver_utc.simulation.closed_loop import simulate
 from skydiver_utc.simulation.outcome import Outcome
 
@@ -25,6 +28,8 @@ FACTOR = 30.0
 FLIGHTS = 64
 ROLLED_OVER, DIVERGED = 100.0, 1000.0
 TASK = "fast_turn_pose_only"
+
+_CHAINS = ("ipopt", "do_mpc", "osqp")
 
 Values = dict[str, float | int]
 
@@ -52,22 +57,32 @@ _UTC: Values = {
 
 
 class Subject(NamedTuple):
-    """What is held, and what is tuned from which start."""
+    """What is held, what is tuned from which start, and the tool chain that flies, where it is not the package."""
 
     held: dict[str, object]
     start: Values
+    chain: str = ""
 
+    def build(self, scenario: Scenario) -> Controller:
+        """The controller that flies."""
+        if not self.chain:
+            return build_controller(scenario)
+        from tool_chains.chains import controller_of  # an extra
+
+        return controller_of(self.chain)(scenario)
+
+
+_HELD = Subject({"kind": "gauss_newton", "horizon_steps": 20, "blocks": 1}, _COSTS | {"step_periods": 1})
+_FIVE = Subject({"kind": "gauss_newton", "horizon_steps": 20, "blocks": 5}, _COSTS | {"step_periods": 1})
 
 SUBJECTS: dict[str, Subject] = {
     "pose": Subject({"kind": "pose"}, _POSE),
     "pose_feed_forward": Subject({"kind": "pose"}, _POSE | {"alpha_feed_forward_max": 1.0}),
     "lqr": Subject({"kind": "lqr"}, _COSTS | {"horizon_steps": 100}),
-    "gauss_newton_held": Subject(
-        {"kind": "gauss_newton", "horizon_steps": 20, "blocks": 1}, _COSTS | {"step_periods": 1}
-    ),
-    "gauss_newton": Subject(
-        {"kind": "gauss_newton", "horizon_steps": 20, "blocks": 5}, _COSTS | {"step_periods": 1}
-    ),
+    "gauss_newton_held": _HELD,
+    "gauss_newton": _FIVE,
+    **{f"{chain}_held": _HELD._replace(chain=chain) for chain in _CHAINS},
+    **{chain: _FIVE._replace(chain=chain) for chain in _CHAINS},
     "mppi": Subject(
         {"kind": "mppi", "horizon_steps": 20, "blocks": 5, "samples": 64},
         _COSTS
@@ -90,12 +105,12 @@ SUBJECTS: dict[str, Subject] = {
 }
 
 
-def objective(scenario: Scenario) -> float:
+def objective(subject: Subject, values: Values) -> float:
     """What is to be small."""
-    values = metrics(simulate(scenario))
-    if values["outcome"] not in (Outcome.COMPLETED.value, Outcome.ROLLED_OVER.value):
+    flown = metrics(simulate(scenario_of(subject, values), build=subject.build))
+    if flown["outcome"] not in (Outcome.COMPLETED.value, Outcome.ROLLED_OVER.value):
         return DIVERGED
-    return float(values["rmse_deg_s"]) + ROLLED_OVER * (values["outcome"] == Outcome.ROLLED_OVER.value)
+    return float(flown["rmse_deg_s"]) + ROLLED_OVER * (flown["outcome"] == Outcome.ROLLED_OVER.value)
 
 
 def scenario_of(subject: Subject, values: Values) -> Scenario:
@@ -133,7 +148,7 @@ def search(subject: Subject, flights: int, seed: int) -> Iterator[tuple[Values, 
             spread = reach / 3.0 * 0.03 ** ((flight - random) / max(1, flights - random - 1))
             point = best_point + spread * generator.standard_normal(len(names))
         tried = values(point)
-        result = objective(scenario_of(subject, tried))
+        result = objective(subject, tried)
         if result < best:
             best_point, best = point, result
         yield tried, result

@@ -7,6 +7,8 @@ pytest.importorskip("casadi", reason="the tool chains are an extra: pip install 
 
 from tool_chains.model import derivative, geometry, reduced, step
 
+from skydiver_utc.body.movement import movement
+from skydiver_utc.body.segments import build_body
 from skydiver_utc.parameters import load_scenario
 from skydiver_utc.plant.dynamics import (
     WORK_SIZE,
@@ -15,10 +17,11 @@ from skydiver_utc.plant.dynamics import (
     rk4_step,
     state_derivative,
 )
-from skydiver_utc.plant.model import GEOMETRY_SIZE, build_model
+from skydiver_utc.plant.model import GEOMETRY_SIZE, build_model, posture_row
 
-MODEL = build_model(load_scenario("fast_turn_unknown_dynamics"))
-NODES = np.linspace(MODEL.control_min[3], MODEL.control_max[3], len(MODEL.geometry))
+SCENARIO = load_scenario("fast_turn_unknown_dynamics")
+MODEL = build_model(SCENARIO)
+BODY, MOVES = build_body(SCENARIO.subject), movement(SCENARIO.posture, SCENARIO.pattern)
 
 
 def random_flight(seed):
@@ -27,31 +30,37 @@ def random_flight(seed):
         [np.zeros(3), rng.normal(size=4), [0, 0, -55] + 10 * rng.normal(size=3), 4 * rng.normal(size=3)]
     )
     state[3:7] /= np.linalg.norm(state[3:7])
-    control = MODEL.control_min + rng.random(4) * (MODEL.control_max - MODEL.control_min)
-    control[3] = rng.choice(NODES)
-    return state, control
+    return state, MODEL.control_min + rng.random(4) * (MODEL.control_max - MODEL.control_min)
+
+
+def at_posture(alpha):
+    """The package's model with the body's own posture at alpha in its table, free of interpolation."""
+    return MODEL._replace(geometry=np.tile(posture_row(BODY, MOVES, alpha), (4, 1)))
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_dynamics_and_step_at_random_states(seed):
-    """At the nodes of alpha, where the package's table is exact."""
+def test_dynamics_and_step_at_random_states_and_postures(seed):
     state, control = random_flight(seed)
+    model = at_posture(control[3])
     posture, inverse, expected = np.empty(GEOMETRY_SIZE), np.empty(6), np.empty(13)
-    posture_geometry(MODEL, control[3], posture)
+    posture_geometry(model, control[3], posture)
     invert_inertia(posture, inverse)
-    state_derivative(MODEL, posture, inverse, control, state, expected)
+    state_derivative(model, posture, inverse, control, state, expected)
     found = derivative(MODEL)(reduced(state), control, geometry(MODEL)(control[3]))
     scale = np.abs(expected).max()
     np.testing.assert_allclose(np.array(found).ravel(), reduced(expected), atol=1e-9 * scale)
-    rk4_step(MODEL, state, control, expected, np.empty(WORK_SIZE))
-    found = step(MODEL)(reduced(state), control)
+    rk4_step(model, state, control, expected, np.empty(WORK_SIZE))
+    found = step(MODEL)(reduced(state), control, MODEL.dt)
     np.testing.assert_allclose(np.array(found).ravel(), reduced(expected), atol=1e-9)
 
 
-def test_geometry_between_the_nodes():
-    """There the package's cubic table has an error of its own."""
-    found, out, series = 0.0, np.empty(GEOMETRY_SIZE), geometry(MODEL)
-    for alpha in np.linspace(MODEL.control_min[3], MODEL.control_max[3], 501):
-        posture_geometry(MODEL, alpha, out)
-        found = max(found, float(np.abs(np.array(series(alpha)).ravel() - out).max()))
-    assert found < 5e-7
+def test_geometry_is_the_body_s_between_the_nodes_too():
+    """Only the package's cubic table has an error there."""
+    series, tabulated = geometry(MODEL), np.empty(GEOMETRY_SIZE)
+    largest = 0.0
+    for alpha in np.linspace(MODEL.control_min[3], MODEL.control_max[3], 101):
+        found = np.array(series(alpha)).ravel()
+        np.testing.assert_allclose(found, posture_row(BODY, MOVES, alpha), atol=1e-11)
+        posture_geometry(MODEL, alpha, tabulated)
+        largest = max(largest, float(np.abs(found - tabulated).max()))
+    assert 1e-9 < largest < 5e-7

@@ -76,13 +76,13 @@ def _air(model: PlantModel, g: ca.SX, velocity: ca.SX, rates: ca.SX) -> tuple[ca
 
 
 def step(model: PlantModel) -> ca.Function:
-    """(state (10,), control (4,)) -> state (10,) one dt later: Runge-Kutta, quaternion normalised last."""
-    x, u = ca.SX.sym("x", STATES), ca.SX.sym("u", 4)
-    posture, slope, dt = geometry(model)(u[3]), derivative(model), model.dt
+    """(state (10,), control (4,), dt) -> state (10,) one dt later: Runge-Kutta, quaternion normalised last."""
+    x, u, dt = ca.SX.sym("x", STATES), ca.SX.sym("u", 4), ca.SX.sym("dt")
+    posture, slope = geometry(model)(u[3]), derivative(model)
     k1 = slope(x, u, posture)
     k2 = slope(x + 0.5 * dt * k1, u, posture)
     k3 = slope(x + 0.5 * dt * k2, u, posture)
     k4 = slope(x + dt * k3, u, posture)
     after = x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     after[:4] /= ca.norm_2(after[:4])
-    return ca.Function("step", [x, u], [after])
+    return ca.Function("step", [x, u, dt], [after])

@@ -44,12 +44,15 @@ def build_controller(scenario: Scenario, delay_steps: int = 0) -> Controller:
     )
 
 
+def control_limits(scenario: Scenario) -> ControlLimits:
+    """Bounds of the controls, and the largest change of alpha in a step."""
+    limits = scenario.plant.limits
+    slew = np.array([np.inf, np.inf, np.inf, limits.alpha_rate * scenario.dt_s])
+    return ControlLimits(np.array(limits.minimum), np.array(limits.maximum), slew)
+
+
 def _controller(scenario: Scenario) -> Controller:
-    limits = ControlLimits(
-        np.array(scenario.plant.limits.minimum),
-        np.array(scenario.plant.limits.maximum),
-        np.array([np.inf, np.inf, np.inf, scenario.plant.limits.alpha_rate * scenario.dt_s]),
-    )
+    limits = control_limits(scenario)
     plant = SkydiverPlant(scenario, build_model(scenario))
     parameters = scenario.controller
     initial = plant.initial_control()

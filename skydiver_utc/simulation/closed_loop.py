@@ -5,16 +5,23 @@ from collections.abc import Callable
 
 import numpy as np
 
+from skydiver_utc.control.protocol import Controller
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
 from skydiver_utc.simulation.flight import Flight
 from skydiver_utc.simulation.outcome import OutcomeMonitor
 
 
-def simulate(scenario: Scenario, progress: Callable[[int, int], None] | None = None) -> Flight:
-    """Fly a scenario; `progress` is told (steps done, steps in all) about fifty times."""
-    plant, reference = build_plant(scenario), build_reference(scenario)
-    controller = build_controller(scenario)
+def simulate(
+    scenario: Scenario,
+    progress: Callable[[int, int], None] | None = None,
+    build: Callable[[Scenario], Controller] = build_controller,
+) -> Flight:
+    """Fly a scenario; `progress` is told (steps done, steps in all) about fifty times.
+
+    `build` makes the controller, where it is not the scenario's own.
+    """
+    plant, reference, controller = build_plant(scenario), build_reference(scenario), build(scenario)
     steps = scenario.steps
     profile = reference.preview(0, steps + controller.preview_steps + 1)
     states = np.empty((steps + 1, 13))
@@ -25,7 +32,7 @@ def simulate(scenario: Scenario, progress: Callable[[int, int], None] | None = N
     monitor = OutcomeMonitor(scenario)
     monitor.observe(0, states[0])
 
-    _compile(scenario)
+    _compile(scenario, build)
     start = time.perf_counter()
     flown = steps
     for k in range(steps):
@@ -60,9 +67,9 @@ def simulate(scenario: Scenario, progress: Callable[[int, int], None] | None = N
     )
 
 
-def _compile(scenario: Scenario) -> None:
+def _compile(scenario: Scenario, build: Callable[[Scenario], Controller]) -> None:
     """Call every kernel of the loop once, on parts that are thrown away, so that no clock counts compilation."""
-    plant, controller = build_plant(scenario), build_controller(scenario)
+    plant, controller = build_plant(scenario), build(scenario)
     state, held = plant.initial_state(), plant.initial_applied()
     controller.decide(state, build_reference(scenario).preview(0, controller.preview_steps + 1))
     plant.step(state, held, plant.actuate(held[:4], held))

@@ -26,7 +26,7 @@ def build_lqr(
     parameters: LqrParameters, model: PlantModel, limits: ControlLimits, initial: Array, tracked: int
 ) -> LinearQuadraticController:
     """The regulator about the straight fall with the yaw damping at rest."""
-    cost = _cost(parameters, limits)
+    cost = horizon_cost(parameters, limits)
     trim = belly_to_earth(model)
     A, B = linearised_step(model, trim, cost.rest)
     fall = Equilibrium(trim, cost.rest, A, B, np.eye(REDUCED_SIZE)[reduced_rate_at(tracked)])
@@ -38,7 +38,7 @@ def build_gauss_newton(
     parameters: GaussNewtonParameters, model: PlantModel, limits: ControlLimits, initial: Array, tracked: int
 ) -> GaussNewtonController:
     """Gauss-Newton steps on the plant's own prediction."""
-    horizon, cost = _horizon(parameters), _cost(parameters, limits)
+    horizon, cost = horizon_of(parameters), horizon_cost(parameters, limits)
     roll_out = SkydiverRollOut(model, horizon, tracked)
     return GaussNewtonController(roll_out, limits, horizon, cost, initial, parameters.iterations)
 
@@ -52,18 +52,19 @@ def build_mppi(
     seed: int,
 ) -> PathIntegralController:
     """Path integrals over the plant's own prediction."""
-    horizon, cost = _horizon(parameters), _cost(parameters, limits)
+    horizon, cost = horizon_of(parameters), horizon_cost(parameters, limits)
     deviation = np.array(parameters.deviations) * (limits.maximum - limits.minimum)
     sampling = Sampling(parameters.samples, deviation, parameters.temperature, seed)
     roll_out = SkydiverRollOut(model, horizon, tracked)
     return PathIntegralController(roll_out, limits, horizon, cost, sampling, initial)
 
 
-def _horizon(parameters: HorizonParameters) -> Horizon:
+def horizon_of(parameters: HorizonParameters) -> Horizon:
+    """The grid of the horizon."""
     return Horizon(parameters.horizon_steps, parameters.blocks, parameters.step_periods)
 
 
-def _cost(parameters: CostParameters, limits: ControlLimits) -> HorizonCost:
+def horizon_cost(parameters: CostParameters, limits: ControlLimits) -> HorizonCost:
     """Costs per range turned into costs per unit of each control."""
     squared_range = (limits.maximum - limits.minimum) ** 2
     return HorizonCost(

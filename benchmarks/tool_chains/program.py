@@ -1,0 +1,98 @@
+"""The nonlinear program that each tool chain solves at a decision: that of the package's `gauss_newton`.
+
+With y_j the yaw rate after j model steps and U (B, 4) one control per block, in `skydiver_utc/control/horizon.py`:
+minimise J of U under the controls' bounds and the rate limit of alpha, which moves evenly over a block.
+"""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.control.horizon import Horizon, HorizonCost
+from skydiver_utc.control.limits import ControlLimits
+from skydiver_utc.parameters import GaussNewtonParameters, ParameterError, Scenario
+from skydiver_utc.plant.model import PlantModel, build_model
+from skydiver_utc.simulation.build import control_limits
+from skydiver_utc.simulation.rivals import horizon_cost, horizon_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What is built and compiled once for all costs: the model, N model steps in B blocks."""
+
+    steps: int
+    blocks: int
+    fingerprint: str
+    model: PlantModel = field(compare=False, repr=False)
+
+    @property
+    def hold(self) -> int:
+        """Model steps in a block."""
+        return self.steps // self.blocks
+
+
+class Program(NamedTuple):
+    """A structure with its numbers: limits, horizon and costs of the scenario."""
+
+    structure: Structure
+    limits: ControlLimits
+    horizon: Horizon
+    cost: HorizonCost
+
+    @property
+    def change(self) -> float:
+        """Largest change of alpha from block to block [rad]."""
+        return float(self.limits.slew[3]) * self.horizon.block_periods
+
+
+class Solution(NamedTuple):
+    """A sequence (B, 4), the iterations it took, and whether the solver says that it is one."""
+
+    sequence: Array
+    iterations: int
+    found: bool
+
+
+# solve(state (10,), control applied last (4,), reference (N,), sequence to start from (B, 4))
+Solve = Callable[[Array, Array, Array, Array], Solution]
+
+
+def program(scenario: Scenario) -> Program:
+    """The program of a scenario whose controller is of kind gauss_newton and tracks the yaw rate."""
+    p = scenario.controller
+    if not isinstance(p, GaussNewtonParameters) or scenario.reference.signal != "yaw_rate":
+        raise ParameterError(
+            f"scenario {scenario.name}: the tool chains need controller.kind gauss_newton and a yaw rate to track"
+        )
+    model, limits = build_model(scenario), control_limits(scenario)
+    structure = Structure(p.horizon_steps, p.blocks, _fingerprint(model), model)
+    return Program(structure, limits, horizon_of(p), horizon_cost(p, limits))
+
+
+def effort(U: ca.MX, applied: ca.MX, costs: ca.MX) -> ca.MX:
+    """The part of J that is a cost on controls U (4, B) and their changes; costs (12,) is `costs_of`."""
+    before = ca.horzcat(applied, U[:, :-1])
+    control, change, rest = costs[:4], costs[4:8], costs[8:]
+    blocks = U.shape[1]
+    total = ca.mtimes(control.T, (U - ca.repmat(rest, 1, blocks)) ** 2)
+    total += ca.mtimes(change.T, (U - before) ** 2)
+    return ca.sum2(total) / blocks
+
+
+def costs_of(cost: HorizonCost) -> Array:
+    """Costs on controls, costs on changes, rest, in a row (12,)."""
+    return np.concatenate([cost.control, cost.change, cost.rest])
+
+
+def _fingerprint(model: PlantModel) -> str:
+    digest = hashlib.sha256()
+    for value in model:
+        digest.update(np.asarray(value, dtype=np.float64).tobytes())
+    return digest.hexdigest()
