@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import click
 import numpy as np
+import tool_chains
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.control.protocol import Controller
@@ -28,8 +29,6 @@ FACTOR = 30.0
 FLIGHTS = 64
 ROLLED_OVER, DIVERGED = 100.0, 1000.0
 TASK = "fast_turn_pose_only"
-
-_CHAINS = ("ipopt", "do_mpc", "osqp")
 
 Values = dict[str, float | int]
 
@@ -81,8 +80,8 @@ SUBJECTS: dict[str, Subject] = {
     "lqr": Subject({"kind": "lqr"}, _COSTS | {"horizon_steps": 100}),
     "gauss_newton_held": _HELD,
     "gauss_newton": _FIVE,
-    **{f"{chain}_held": _HELD._replace(chain=chain) for chain in _CHAINS},
-    **{chain: _FIVE._replace(chain=chain) for chain in _CHAINS},
+    **{f"{chain}_held": _HELD._replace(chain=chain) for chain in tool_chains.NAMES},
+    **{chain: _FIVE._replace(chain=chain) for chain in tool_chains.NAMES},
     "mppi": Subject(
         {"kind": "mppi", "horizon_steps": 20, "blocks": 5, "samples": 64},
         _COSTS

@@ -7,11 +7,13 @@ pytest.importorskip("casadi", reason="the tool chains are an extra: pip install 
 pytest.importorskip("do_mpc", reason="the tool chains are an extra: pip install '.[bench]'")
 pytest.importorskip("osqp", reason="the tool chains are an extra: pip install '.[bench]'")
 
-from tool_chains.chains import CHAINS, TASK, controller_by, controller_of, tuned
+import tool_chains.chains
+from tool_chains.chains import CHAINS, controller_by, controller_of, tuned
 from tool_chains.ipopt import TOLERANCE, solve_by_ipopt, solve_by_opti
 from tool_chains.program import program
 from tool_chains.real_time import solve_by_osqp
 from tool_chains.with_do_mpc import solve_by_do_mpc
+from tune import TASK
 
 from skydiver_utc.control.horizon import cost_of
 from skydiver_utc.control.protocol import Status
@@ -147,6 +149,14 @@ def test_tuned_costs_are_of_the_chains_that_fly():
     found = tuned({"duration_s": 0.1})
     assert {one.chain for one in found.values()} == set(CHAINS)
     assert all(one.scenario.duration_s == 0.1 for one in found.values())
+
+
+def test_tuned_costs_of_an_unknown_chain_are_refused(monkeypatch, tmp_path):
+    file = tmp_path / "tuned.yaml"
+    file.write_text("acados: {chain: acados, controller: {blocks: 1}}\n")
+    monkeypatch.setattr(tool_chains.chains, "_TUNED", file)
+    with pytest.raises(ParameterError, match=r"acados .* must hold a chain, one of ipopt, do_mpc, osqp"):
+        tuned()
 
 
 def test_another_controller_s_scenario_is_refused():

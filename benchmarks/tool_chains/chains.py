@@ -4,22 +4,22 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from tune import TASK
+
 from skydiver_utc.control.protocol import Controller
 from skydiver_utc.parameters import ParameterError, Scenario, load_scenario
 from skydiver_utc.parameters.yaml_io import read_yaml
 from skydiver_utc.plant.skydiver import SkydiverPlant
+from tool_chains import NAMES
 from tool_chains.controller import ToolChainController
 from tool_chains.ipopt import solve_by_ipopt
 from tool_chains.program import Program, Solve, program
 from tool_chains.real_time import solve_by_osqp
 from tool_chains.with_do_mpc import solve_by_do_mpc
 
-TASK = "fast_turn_pose_only"
-CHAINS: dict[str, Callable[[Program], Solve]] = {
-    "ipopt": solve_by_ipopt,
-    "do_mpc": solve_by_do_mpc,
-    "osqp": solve_by_osqp,
-}
+CHAINS: dict[str, Callable[[Program], Solve]] = dict(
+    zip(NAMES, (solve_by_ipopt, solve_by_do_mpc, solve_by_osqp), strict=True)
+)
 _TUNED = Path(__file__).with_name("tuned.yaml")
 
 

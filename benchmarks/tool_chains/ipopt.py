@@ -63,6 +63,7 @@ def _single_shooting(structure: Structure) -> ca.Function:
     same_cost = ca.sumsqr(rates - reference) / steps + on_control
     options = {
         "print_time": False,
+        "show_eval_warnings": False,
         "calc_lam_p": False,
         "no_nlp_grad": True,
         "grad_f": ca.Function("grad_f", [shares, given], [same_cost, gradient]),

@@ -2,8 +2,8 @@
 
 State (10,): quaternion x y z w, velocity and body rates in body axes; the package's without the position, on which
 nothing depends. The posture's geometry is a polynomial in alpha through the package's table and equals that of
-the body's own joints at every alpha; so the dynamics are the package's to 1e-9 with the posture itself in place of its
-table, whose cubics are off by up to 5e-7 between the nodes (`test_casadi_model.py`).
+the body's own joints at every alpha; so the dynamics are the package's to 1e-9 with the posture itself in place of
+its table, whose cubics are off by up to 5e-7 between the nodes (`test_casadi_model.py`).
 """
 
 import casadi as ca
