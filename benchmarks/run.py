@@ -104,9 +104,14 @@ def control_steps(stack: ExitStack) -> Iterator[Group]:
 
 
 def chains() -> Iterator[Group]:
-    """UTC beside the tool chains, where they are installed."""
+    """UTC beside the tool chains, where they and a C compiler are installed."""
     if any(find_spec(name) is None for name in ("casadi", "do_mpc", "osqp")):
         click.echo("The tool chains are left out: pip install '.[bench]' brings them.", err=True)
+        return
+    if compiler() is None:
+        click.echo(
+            "The tool chains are left out: they are compiled, and there is no C compiler (cc).", err=True
+        )
         return
     from tool_chains.flight import tool_chains
 

@@ -8,6 +8,7 @@ pytest.importorskip("do_mpc", reason="the tool chains are an extra: pip install 
 pytest.importorskip("osqp", reason="the tool chains are an extra: pip install '.[bench]'")
 
 import tool_chains.chains
+from c_transcription import compiler
 from tool_chains.chains import CHAINS, controller_by, controller_of, tuned
 from tool_chains.ipopt import TOLERANCE, solve_by_ipopt, solve_by_opti
 from tool_chains.program import program
@@ -22,6 +23,8 @@ from skydiver_utc.plant.skydiver import RATE_AT
 from skydiver_utc.simulation.build import build_controller, build_reference
 from skydiver_utc.simulation.closed_loop import simulate
 from skydiver_utc.simulation.rollout import SkydiverRollOut
+
+pytestmark = pytest.mark.skipif(compiler() is None, reason="they are compiled: needs a C compiler")
 
 # Model steps of two control periods, so that nothing of the grid is one by chance.
 CHANGES = {

@@ -4,14 +4,13 @@ The same grid as `skydiver_utc/simulation/rollout.py`: over a model step alpha i
 on its even way through the block.
 """
 
-import shutil
 import subprocess
 import tempfile
 from functools import lru_cache
 from pathlib import Path
 
 import casadi as ca
-from c_transcription import FLAGS
+from c_transcription import FLAGS, compiler
 
 from tool_chains.model import STATES, step
 from tool_chains.program import Structure
@@ -87,7 +86,7 @@ def _arguments(structure: Structure) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
 
 def compiled(function: ca.Function) -> ca.Function:
     """The function from its generated C, by the compiler and the flags of c/utc_step.c."""
-    if shutil.which("cc") is None:
+    if compiler() is None:
         raise RuntimeError(
             "the tool chains are compiled from C that CasADi writes: install a C compiler (cc)"
         )
