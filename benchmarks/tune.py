@@ -4,9 +4,10 @@ The first flight has the starting values. Half of the rest are drawn at random, 
 FACTOR of its start; the other half are drawn around the best so far, log-normal with a spread that falls by the
 flight from a third of the way to FACTOR to a hundredth. Values are rounded to three digits and cut at the
 parameter's bounds before they are flown. The objective is the RMSE after 2 s in deg/s, with ROLLED_OVER added for a
-body that rolled over and DIVERGED in its place for a flight that did not end. Prints one line per flight that is
-better than all before, and the parameters to write into the scenario. The tool chains (extra `bench`) solve the
-program of `gauss_newton` and are tuned in its parameters; theirs go into tool_chains/tuned.yaml.
+body that rolled over and DIVERGED in its place for a flight that did not end; with ``--turns all`` one setting flies
+every turn of ``sweep.py``, and it is the root mean square of those, each counted as LOST at most. Prints one line per
+setting that is better than all before, and the parameters to write into the scenario. The tool chains (extra `bench`)
+solve the program of `gauss_newton` and are tuned in its parameters; theirs go into tool_chains/tuned.yaml.
 """
 
 import math
@@ -17,6 +18,7 @@ from typing import NamedTuple
 import click
 import numpy as np
 import tool_chains
+from sweep import AMPLITUDES, FREQUENCIES
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.control.protocol import Controller
@@ -28,6 +30,7 @@ from skydiver_utc.simulation.outcome import Outcome
 FACTOR = 30.0
 FLIGHTS = 64
 ROLLED_OVER, DIVERGED = 100.0, 1000.0
+LOST = 20.0
 TASK = "fast_turn_pose_only"
 
 Values = dict[str, float | int]
@@ -52,6 +55,14 @@ _UTC: Values = {
     "covariance_12": 0.74,
     "covariance_13": 0.74,
     "covariance_14": 0.56,
+}
+_UTC_AT_REST: Values = _UTC | {
+    "horizon_steps": 20,
+    "k_hyst_s": 0.7,
+    "full_coupling_acceleration": 6.1,
+    "rest_Cm_damp_yaw": 0.3,
+    "P_rest_Cm_damp_yaw": 0.1,
+    "P_rest_hands": 1.0,
 }
 
 
@@ -101,20 +112,39 @@ SUBJECTS: dict[str, Subject] = {
         {"kind": "utc", "alpha_dynamics": "incremental", "saved_control_reading": "first_step"},
         _UTC | {"horizon_steps": 5, "K_p": 1.5, "K_FF": 0.1},
     ),
+    "utc_at_rest": Subject({"kind": "utc", "aim": "tangent"}, _UTC_AT_REST),
 }
 
 
-def objective(subject: Subject, values: Values) -> float:
+TURNS: dict[str, list[Values]] = {
+    "fast": [{}],
+    "all": [
+        {"reference.amplitude_deg_s": float(amplitude), "reference.frequency_hz": frequency}
+        for amplitude in AMPLITUDES
+        for frequency in FREQUENCIES
+    ],
+}
+
+
+def objective(subject: Subject, values: Values, turns: list[Values]) -> float:
     """What is to be small."""
-    flown = metrics(simulate(scenario_of(subject, values), build=subject.build))
+    errors = [error(subject, scenario_of(subject, values, turn)) for turn in turns]
+    if len(turns) == 1:
+        return errors[0]
+    return math.sqrt(sum(min(one, LOST) ** 2 for one in errors) / len(errors))
+
+
+def error(subject: Subject, scenario: Scenario) -> float:
+    """RMSE of one flight, and what is added for one that went wrong."""
+    flown = metrics(simulate(scenario, build=subject.build))
     if flown["outcome"] not in (Outcome.COMPLETED.value, Outcome.ROLLED_OVER.value):
         return DIVERGED
     return float(flown["rmse_deg_s"]) + ROLLED_OVER * (flown["outcome"] == Outcome.ROLLED_OVER.value)
 
 
-def scenario_of(subject: Subject, values: Values) -> Scenario:
-    """The fast turn with this controller."""
-    return load_scenario(TASK, {"controller": subject.held | values})
+def scenario_of(subject: Subject, values: Values, turn: Values) -> Scenario:
+    """The fast turn with this controller, or another turn."""
+    return load_scenario(TASK, {"controller": subject.held | values, **turn})
 
 
 def admitted(value: float, start: float | int, leaf: Leaf) -> float | int:
@@ -124,10 +154,10 @@ def admitted(value: float, start: float | int, leaf: Leaf) -> float | int:
     return round(value) if isinstance(start, int) else value
 
 
-def search(subject: Subject, flights: int, seed: int) -> Iterator[tuple[Values, float]]:
+def search(subject: Subject, turns: list[Values], flights: int, seed: int) -> Iterator[tuple[Values, float]]:
     """Flown parameters with their objectives."""
     generator = np.random.default_rng(seed)
-    bounds = {leaf.name: leaf for leaf in leaves(scenario_of(subject, subject.start))}
+    bounds = {leaf.name: leaf for leaf in leaves(scenario_of(subject, subject.start, {}))}
     names = list(subject.start)
     start = np.log([subject.start[name] for name in names])
     reach = math.log(FACTOR)
@@ -147,7 +177,7 @@ def search(subject: Subject, flights: int, seed: int) -> Iterator[tuple[Values, 
             spread = reach / 3.0 * 0.03 ** ((flight - random) / max(1, flights - random - 1))
             point = best_point + spread * generator.standard_normal(len(names))
         tried = values(point)
-        result = objective(subject, tried)
+        result = objective(subject, tried, turns)
         if result < best:
             best_point, best = point, result
         yield tried, result
@@ -155,16 +185,17 @@ def search(subject: Subject, flights: int, seed: int) -> Iterator[tuple[Values, 
 
 @click.command(help=__doc__)
 @click.argument("controller", type=click.Choice(list(SUBJECTS)))
+@click.option("--turns", default="fast", show_default=True, type=click.Choice(list(TURNS)), help="What is flown.")
 @click.option("--flights", default=FLIGHTS, show_default=True, help="Flights in all.")
 @click.option("--seed", default=1, show_default=True, help="Seed of the search.")
-def main(controller: str, flights: int, seed: int) -> None:
+def main(controller: str, turns: str, flights: int, seed: int) -> None:
     subject, best, began = SUBJECTS[controller], math.inf, time.process_time()
     chosen = subject.start
-    for flight, (values, result) in enumerate(search(subject, flights, seed)):
+    for flight, (values, result) in enumerate(search(subject, TURNS[turns], flights, seed)):
         if result < best:
             best, chosen = result, values
             print(f"# flight {flight}: {result:.4g} deg/s", flush=True)
-    print(f"# python benchmarks/tune.py {controller} --flights {flights} --seed {seed}")
+    print(f"# python benchmarks/tune.py {controller} --turns {turns} --flights {flights} --seed {seed}")
     print(f"# objective {best:.4g} deg/s, {time.process_time() - began:.0f} s of CPU")
     print("controller:")
     for name, value in {**subject.held, **chosen}.items():

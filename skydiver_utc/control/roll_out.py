@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 class RollOut:
     """Drives each sigma point to the horizon; see `skydiver_utc.control.utc.Predict`.
 
-    `steps` holds the steps at which outputs are taken, in rising order; all of their outputs stand in one row.
+    `steps` holds the steps at which outputs are taken, in rising order; all of their outputs stand in one row, and
+    after them the controls whose indices are in `drawn`, which are drawn to rest.
     """
 
     def __init__(
@@ -32,6 +33,7 @@ class RollOut:
         dt: float,
         limits: ControlLimits,
         states: int,
+        drawn: NDArray[np.int64],
     ) -> None:
         self.jitted = is_jitted(plant)
         dynamics = _held if control_dynamics is None else control_dynamics
@@ -39,6 +41,7 @@ class RollOut:
             _compiled(plant, output, dynamics) if self.jitted else _plain(plant, output, dynamics)
         )
         self._steps = np.array(steps, dtype=np.int64)
+        self._drawn = drawn
         self._own_dynamics = control_dynamics is not None
         self._dt = dt
         self._limits = limits
@@ -61,7 +64,7 @@ class RollOut:
         try:
             with np.errstate(all="ignore"):
                 self._roll_out(
-                    state, applied, points, preview, self._steps, self._dt, self._own_dynamics,
+                    state, applied, points, preview, self._steps, self._drawn, self._dt, self._own_dynamics,
                     self._limits.minimum, self._limits.maximum, self._limits.slew, outputs, saved, *self._work,
                 )  # fmt: skip
         except ArithmeticError as error:
@@ -153,6 +156,7 @@ def _roll_out(plant: Any, output: Any, dynamics: Any) -> Any:
         points: Array,
         preview: Array,
         steps: NDArray[np.int64],
+        drawn: NDArray[np.int64],
         dt: float,
         own_dynamics: bool,
         minimum: Array,
@@ -164,7 +168,8 @@ def _roll_out(plant: Any, output: Any, dynamics: Any) -> Any:
         following: Array,
         control: Array,
     ) -> None:
-        size = outputs.shape[1] // steps.shape[0]
+        of_plant = outputs.shape[1] - drawn.shape[0]
+        size = of_plant // steps.shape[0]
         for i in range(points.shape[0]):
             x[:] = state
             control[:] = applied
@@ -190,5 +195,7 @@ def _roll_out(plant: Any, output: Any, dynamics: Any) -> Any:
                 if j + 1 == steps[taken]:
                     outputs[i, taken * size : (taken + 1) * size] = output(x)
                     taken += 1
+            for k in range(drawn.shape[0]):
+                outputs[i, of_plant + k] = saved[i, drawn[k]]
 
     return roll_out

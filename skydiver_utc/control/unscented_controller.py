@@ -35,6 +35,9 @@ class UnscentedTransformController:
     control_dynamics: control_dynamics(point, control, state, preview, j) -> control on step j of the horizon, where
         point is the sigma point, control that of the step before (for j = 0 the one now applied) and preview[j] the
         reference at step j; U^i of eq:xpred is then the control on the first step. None: the sigma point is held
+    rest, P_rest: where each control is drawn to, one number or (m,), and the variance of its distance from there,
+        inf for a control that is free. Such controls are further outputs, whose reference is rest. None: the initial
+        control, and no control is drawn
     leak: share of Pu that is forgotten after each step, so that directions no output sees settle at Qu / leak
     square_root: keep a factor S of Pu = S S' and move that on; Qu should then have no negative eigenvalues
     covariance_floor: smallest eigenvalue that the repair of Pu leaves; None: 1e-9 of the smallest initial variance
@@ -58,6 +61,8 @@ class UnscentedTransformController:
         Qu: ArrayLike | None = None,
         Qu_ratio: float = 0.1,
         control_dynamics: ControlDynamics | None = None,
+        rest: ArrayLike | None = None,
+        P_rest: ArrayLike | None = None,
         leak: float = 0.0,
         square_root: bool = False,
         covariance_floor: float | None = None,
@@ -73,12 +78,16 @@ class UnscentedTransformController:
         self._steps = _horizon(horizon)
         output = _same if output is None else output
         self._l = plant_functions.outputs(plant, output, start, self._initial_control, dt)
-        l_all = self._l * len(self._steps)
+        drawn, self._rest, P_rest_drawn = _rest(rest, P_rest, self._initial_control)
+        self._of_plant = self._l * len(self._steps)
+        l_all = self._of_plant + len(drawn)
         preview = np.zeros((self._steps[-1] + 1, self._l))
         if control_dynamics is not None:
             plant_functions.try_dynamics(control_dynamics, self._initial_control, start, preview)
 
         P_err = arguments.positive_definite("P_err", P_err, self._l, "outputs")
+        P_err_all = np.diag(np.concatenate([np.zeros(self._of_plant), P_rest_drawn]))
+        P_err_all[: self._of_plant, : self._of_plant] = np.kron(np.eye(len(self._steps)), P_err)
         self._initial_Pu = _initial_Pu(Pu, self._limits, m)
         if Qu is None:
             self._Qu = arguments.number("Qu_ratio", Qu_ratio, least=0.0) * self._initial_Pu
@@ -88,12 +97,12 @@ class UnscentedTransformController:
         if covariance_floor is not None:
             floor = arguments.number("covariance_floor", covariance_floor, least=0.0)
 
-        roll_out = RollOut(plant, output, control_dynamics, self._steps, dt, self._limits, self._n)
+        roll_out = RollOut(plant, output, control_dynamics, self._steps, dt, self._limits, self._n, drawn)
         self._jitted = roll_out.jitted
         self._law = UtcLaw(
             roll_out,
             self._limits,
-            np.asarray(np.kron(np.eye(len(self._steps)), P_err), dtype=np.float64),
+            P_err_all,
             arguments.number("W0", W0, below=1.0),
             covariance_floor=floor,
             leak=arguments.number("leak", leak, least=0.0, below=1.0),
@@ -148,7 +157,8 @@ class UnscentedTransformController:
         for name, array in (("state", x), ("reference", preview)):
             if not np.isfinite(array).all():
                 return self._kept(f"{name} is not finite")
-        step = self._law.step(x, preview, preview[list(self._steps)].ravel(), noise)
+        wanted = np.concatenate([preview[list(self._steps)].ravel(), self._rest])
+        step = self._law.step(x, preview, wanted, noise)
         reason = ""
         if step.status is Status.KEPT_PREVIOUS:
             reason = "the update of eq:utc_controller is not finite"
@@ -156,8 +166,8 @@ class UnscentedTransformController:
                 reason = f"{step.lost} of {2 * len(before) + 1} sigma points diverged inside the horizon"
         return UtcResult(
             control=step.control,
-            predicted=step.predicted,
-            innovation=step.innovation,
+            predicted=step.predicted[: self._of_plant],
+            innovation=step.innovation[: self._of_plant],
             covariance=self.Pu,
             repaired=step.repaired,
             lost=step.lost,
@@ -184,7 +194,7 @@ class UnscentedTransformController:
 
     def _kept(self, reason: str) -> UtcResult:
         """The result of a step that could not begin."""
-        predicted = self._law.predicted.copy()
+        predicted = self._law.predicted[: self._of_plant].copy()
         return UtcResult(
             control=self.control,
             predicted=predicted,
@@ -213,6 +223,23 @@ def _limits(
     if not (fastest > 0.0).all():
         raise ValueError("rate must be above zero for every control; leave a limit out with inf.")
     return ControlLimits(low, high, fastest * dt)
+
+
+def _rest(
+    rest: ArrayLike | None, P_rest: ArrayLike | None, control: Array
+) -> tuple[NDArray[np.int64], Array, Array]:
+    """Which controls are drawn to rest, where that is for them, and the variances of their distance from there."""
+    if P_rest is None:
+        if rest is not None:
+            raise ValueError("rest is given without P_rest: say how far from rest each control may be.")
+        return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
+    m = len(control)
+    where = arguments.vector("rest", control if rest is None else rest, m, "controls")
+    variances = arguments.vector("P_rest", P_rest, m, "controls", finite=False)
+    if not (variances > 0.0).all():
+        raise ValueError("P_rest must be above zero for every control; leave one free with inf.")
+    drawn = np.flatnonzero(np.isfinite(variances))
+    return drawn, where[drawn], variances[drawn]
 
 
 def _horizon(horizon: int | Sequence[int]) -> tuple[int, ...]:

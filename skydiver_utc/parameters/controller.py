@@ -150,6 +150,25 @@ class UtcParameters(Parameters, frozen=True, kw_only=True, tag_field="kind", tag
             "tangent of now, which a held control can follow"
         ),
     ] = "end_point"
+    rest_Cm_damp_yaw: Annotated[
+        float, quantity("1", "yaw damping coefficient at rest, see P_rest_Cm_damp_yaw", ge=0, le=50)
+    ] = 0.0
+    P_rest_Cm_damp_yaw: Annotated[
+        float,
+        quantity(
+            "1",
+            "beyond the paper: the yaw damping coefficient is a further output with this covariance of its "
+            "distance from rest; 0: not an output",
+            ge=0,
+            le=1e6,
+        ),
+    ] = 0.0
+    P_rest_hands: Annotated[
+        float, quantity("1", "the same for both hands, at rest at 0; 0: not outputs", ge=0, le=1e6)
+    ] = 0.0
+    P_rest_alpha: Annotated[
+        float, quantity("rad^2", "the same for the pattern angle, at rest at 0; 0: not an output", ge=0, le=1e6)
+    ] = 0.0
     covariance_leak: Annotated[
         float, quantity("1", "beyond the paper: share of Pu that is forgotten in each step", ge=0, lt=1)
     ] = 0.0
@@ -157,6 +176,16 @@ class UtcParameters(Parameters, frozen=True, kw_only=True, tag_field="kind", tag
         bool,
         text("beyond the paper: a factor S of Pu = S S' is kept and moved on, and Pu never formed for it"),
     ] = False
+
+    @property
+    def P_rest(self) -> tuple[float, ...]:
+        """Covariance of each control's distance from rest (4,), 0 where it is not an output."""
+        return (self.P_rest_Cm_damp_yaw, self.P_rest_hands, self.P_rest_hands, self.P_rest_alpha)
+
+    @property
+    def rest(self) -> tuple[float, ...]:
+        """Where each control is at rest (4,)."""
+        return (self.rest_Cm_damp_yaw, 0.0, 0.0, 0.0)
 
     def tau_steps(self, dt_s: float) -> int:
         """Look-ahead of the feed-forward in steps."""

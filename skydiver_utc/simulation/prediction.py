@@ -30,12 +30,14 @@ class Assumed(NamedTuple):
     tracked: int
     with_roll_rate: bool
     with_fall_rate: bool
+    drawn_to_rest: tuple[bool, ...]
 
 
 class SkydiverPrediction:
     """The predict function of the skydiver's UTC.
 
-    Outputs at the horizon: the tracked body rate, and where the parameters ask for them roll rate and fall rate.
+    Outputs at the horizon: the tracked body rate, and where the parameters ask for them roll rate, fall rate, and
+    controls, whose reference is their rest.
     """
 
     def __init__(self, model: PlantModel, parameters: UtcParameters, tracked: int) -> None:
@@ -51,6 +53,7 @@ class SkydiverPrediction:
             tracked=tracked,
             with_roll_rate=parameters.P_err_roll_rate > 0.0,
             with_fall_rate=parameters.P_err_fall_rate > 0.0,
+            drawn_to_rest=tuple(variance > 0.0 for variance in parameters.P_rest),
         )
         self._plain = (tuple(self._model), tuple(self._assumed))
         self._measured = parameters.first_increment_reading == "measured"
@@ -171,8 +174,8 @@ def propagate(
 
     On [t_k+j, t_k+j+1) the dynamics of alpha take the reference at k+j+1 and the tracked rate at k+j, the newest
     that is known when the control is set; `first_rate_before` stands for the tracked rate at k-1 [rad/s].
-    Writes the tracked rate, roll rate [rad/s] and fall rate [m/s] at the horizon to outputs (2m+1, l) and U^i to
-    saved (2m+1, 4).
+    Writes the tracked rate, roll rate [rad/s] and fall rate [m/s] at the horizon and the controls that are drawn to
+    rest to outputs (2m+1, l), and U^i to saved (2m+1, 4).
     """
     K_p, K_FF, dynamics, save, tracked = (
         assumed.K_p,
@@ -214,7 +217,14 @@ def propagate(
         if save == 2:
             saved[i, :] = control
         outputs[i, 0] = x[tracked]
+        column = 1
         if assumed.with_roll_rate:
-            outputs[i, 1] = x[10]
+            outputs[i, column] = x[10]
+            column += 1
         if assumed.with_fall_rate:
-            outputs[i, outputs.shape[1] - 1] = fall_rate(x)
+            outputs[i, column] = fall_rate(x)
+            column += 1
+        for a in range(4):
+            if assumed.drawn_to_rest[a]:
+                outputs[i, column] = saved[i, a]
+                column += 1

@@ -46,18 +46,18 @@ class SkydiverUtc:
         self._tangent = parameters.aim == "tangent"
         self._prediction = SkydiverPrediction(model, parameters, tracked)
         self._coupling = CouplingSchedule(parameters, parameters.k_hyst(model.dt), model.dt)
-        kept = [0.0] * (parameters.P_err_roll_rate > 0.0)
-        kept += [initial_fall_rate] * (parameters.P_err_fall_rate > 0.0)
-        self._reference = np.array([0.0, *kept])
+        further = [(0.0, parameters.P_err_roll_rate), (initial_fall_rate, parameters.P_err_fall_rate)]
+        further += zip(parameters.rest, parameters.P_rest, strict=True)
+        kept, variances = zip(
+            (0.0, parameters.P_err), *((kept, variance) for kept, variance in further if variance > 0.0), strict=True
+        )
+        self._reference = np.array(kept)
         m = len(CONTROL_NAMES)
         printed = np.full(2 * m + 1, (1.0 - parameters.W0) / (2 * m))
         self._utc = UtcLaw(
             self._prediction,
             limits,
-            P_err=np.diag(
-                [parameters.P_err]
-                + [p for p in (parameters.P_err_roll_rate, parameters.P_err_fall_rate) if p > 0.0]
-            ),
+            P_err=np.diag(variances),
             W0=parameters.W0,
             covariance_floor=parameters.covariance_floor,
             keep_indefinite=parameters.covariance_reading == "printed",
