@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.linalg import block_diag
 
 from skydiver_utc import Status, UnscentedTransformController
 
@@ -48,7 +49,7 @@ def lagged(point, control, state, preview, j):
 
 
 def closed_loop_beside_the_oracle(
-    seed, n, m, outputs, steps, *, bounded, dynamics, jitted, W0=0.25, count=12
+    seed, n, m, outputs, steps, *, bounded, dynamics, jitted, W0=0.25, count=12, drawn=()
 ):
     """Both controllers step the same plant side by side, each with its own U and Pu; returns both histories.
 
@@ -64,6 +65,7 @@ def closed_loop_beside_the_oracle(
         U[0] = low[0]
     else:
         low, high, rate = np.full(m, -np.inf), np.full(m, np.inf), np.full(m, np.inf)
+    rest, P_rest = rng.uniform(-0.05, 0.05, m), rng.uniform(0.01, 0.1, m)
     compiled = [numba.njit(f) if jitted else f for f in (plant, output)]
     controller = UnscentedTransformController(
         *compiled,
@@ -80,11 +82,14 @@ def closed_loop_beside_the_oracle(
         Qu_ratio=0.2,
         control_dynamics=lagged if dynamics else None,
         covariance_floor=1e-9,
+        rest=rest if drawn else None,
+        P_rest=np.where(np.isin(np.arange(m), drawn), P_rest, np.inf) if drawn else None,
     )
     assert controller.jitted is jitted
     problem = plain_utc.Problem(
         plant, output, DT, tuple(steps), low, high, rate * DT,
-        np.kron(np.eye(len(steps)), P_err), W0, 1e-9, lagged if dynamics else None,
+        block_diag(*[P_err] * len(steps), *P_rest[list(drawn)]), W0, 1e-9, lagged if dynamics else None,
+        drawn, tuple(rest[list(drawn)]),
     )  # fmt: skip
     no_limit = np.full(m, np.inf)
     unbounded = problem._replace(low=-no_limit, high=no_limit, largest_change=no_limit)
@@ -97,7 +102,8 @@ def closed_loop_beside_the_oracle(
         free_U, _, _ = plain_utc.step(oracle_U, oracle_Pu, x, window, 0.2 * Pu, unbounded)
         oracle_U, oracle_Pu, predicted = plain_utc.step(oracle_U, oracle_Pu, x, window, 0.2 * Pu, problem)
         got.append(np.concatenate([result.control, result.covariance.ravel(), result.predicted]))
-        expected.append(np.concatenate([oracle_U, oracle_Pu.ravel(), predicted]))
+        of_plant = len(predicted) - len(drawn)
+        expected.append(np.concatenate([oracle_U, oracle_Pu.ravel(), predicted[:of_plant]]))
         limited += int(np.abs(free_U - oracle_U).max() > 1e-6)
         x = plant(x, result.control, DT)
     return np.array(got), np.array(expected), limited
@@ -130,6 +136,16 @@ def test_agrees_with_textbook_utc_on_random_plants(seed, bounded, dynamics):
 def test_a_jitted_plant_agrees_with_textbook_utc(bounded, dynamics):
     got, expected, _ = closed_loop_beside_the_oracle(
         5, 4, 3, 2, [4, 9], bounded=bounded, dynamics=dynamics, jitted=True
+    )
+    np.testing.assert_allclose(got, expected, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize("jitted", [False, True], ids=["plain", "jitted"])
+@pytest.mark.parametrize(("bounded", "dynamics"), [(False, False), (True, False), (True, True)])
+def test_controls_drawn_to_rest_agree_with_textbook_utc(bounded, dynamics, jitted):
+    """Two of three controls as outputs of their own, beside two outputs of the plant at two steps."""
+    got, expected, _ = closed_loop_beside_the_oracle(
+        6, 4, 3, 2, [4, 9], bounded=bounded, dynamics=dynamics, jitted=jitted, drawn=(0, 2)
     )
     np.testing.assert_allclose(got, expected, rtol=1e-10, atol=1e-10)
 

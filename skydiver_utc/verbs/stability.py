@@ -84,6 +84,10 @@ def of_skydiver(scenario: Scenario, alpha: float) -> Tuned:
             f"{scenario.name} does not fly UTC with held controls, which is all that the theory covers:"
             " take fast_turn_unknown_dynamics"
         )
+    if any(parameters.P_rest):
+        raise VerbError(
+            f"{scenario.name} draws controls to rest, which the theory does not cover: set every controller.P_rest_... to 0"
+        )
     model = build_model(scenario)
     fall = straight_falls(model)[0]
     control = np.array([scenario.initial.Cm_damp_yaw, 0.0, 0.0, 0.0])

@@ -28,6 +28,8 @@ class Problem(NamedTuple):
     W0: float
     floor: float
     dynamics: Callable[[Array, Array, Array, Array, int], Array] | None = None
+    drawn: tuple[int, ...] = ()  # controls that are outputs themselves; P_err holds their variances last
+    rest: tuple[float, ...] = ()  # and their reference
 
 
 def root(P: Array, floor: float) -> Array:
@@ -68,12 +70,13 @@ def step(U: Array, Pu: Array, x: Array, preview: Array, Qu: Array, p: Problem) -
                 moved[j] = 1.5 * U[j] - 0.5 * point[j]  # eq:movep
         points.append(np.clip(moved, p.low, p.high))  # eq:minmax_utc
     runs = [to_the_horizon(point, U, x, preview, p) for point in points]
-    Y, saved = np.array([run[0] for run in runs]), np.array([run[1] for run in runs])
+    saved = np.array([run[1] for run in runs])
+    Y = np.array([np.concatenate([run[0], run[1][list(p.drawn)]]) for run in runs])
     U_pred, Y_pred = W @ saved, W @ Y  # eq:xpred, eq:zpred
     dU, dY = saved - U_pred, Y - Y_pred
     C_y = p.P_err + dY.T @ np.diag(W) @ dY
     C_uy = dU.T @ np.diag(W) @ dY
     K = C_uy @ np.linalg.inv(C_y)  # eq:utc_controller
-    wanted = np.concatenate([preview[j] for j in p.steps])
+    wanted = np.concatenate([*(preview[j] for j in p.steps), p.rest])
     Pu_next = Qu + dU.T @ np.diag(W) @ dU - K @ C_y @ K.T  # eq:pu_pred
     return limit(U_pred + K @ (wanted - Y_pred), U, p), Pu_next, Y_pred
