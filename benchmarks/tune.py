@@ -4,10 +4,11 @@ The first flight has the starting values. Half of the rest are drawn at random, 
 FACTOR of its start; the other half are drawn around the best so far, log-normal with a spread that falls by the
 flight from a third of the way to FACTOR to a hundredth. Values are rounded to three digits and cut at the
 parameter's bounds before they are flown. The objective is the RMSE after 2 s in deg/s, with ROLLED_OVER added for a
-body that rolled over and DIVERGED in its place for a flight that did not end; with ``--turns all`` one setting flies
-every turn of ``sweep.py``, and it is the root mean square of those, each counted as LOST at most. Prints one line per
-setting that is better than all before, and the parameters to write into the scenario. The tool chains (extra `bench`)
-solve the program of `gauss_newton` and are tuned in its parameters; theirs go into tool_chains/tuned.yaml.
+body that rolled over and DIVERGED in its place for a flight that did not end; with ``--turns all`` one setting
+flies every turn of ``sweep.py``, and it is the root mean square of those, each counted as LOST at most. Prints one
+line per setting that is better than all before, and the parameters to write into the scenario. The tool chains
+(extra `bench`) solve the program of `gauss_newton` and are tuned in its parameters; theirs go into
+tool_chains/tuned.yaml.
 """
 
 import math
@@ -185,7 +186,9 @@ def search(subject: Subject, turns: list[Values], flights: int, seed: int) -> It
 
 @click.command(help=__doc__)
 @click.argument("controller", type=click.Choice(list(SUBJECTS)))
-@click.option("--turns", default="fast", show_default=True, type=click.Choice(list(TURNS)), help="What is flown.")
+@click.option(
+    "--turns", default="fast", show_default=True, type=click.Choice(list(TURNS)), help="What is flown."
+)
 @click.option("--flights", default=FLIGHTS, show_default=True, help="Flights in all.")
 @click.option("--seed", default=1, show_default=True, help="Seed of the search.")
 def main(controller: str, turns: str, flights: int, seed: int) -> None:

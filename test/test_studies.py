@@ -179,11 +179,23 @@ class TestClaims:
         assert judge([True, False]) is Verdict.PARTLY
         assert judge([False, False]) is Verdict.FAILS
 
+    def test_the_printed_covariances_mean_nothing_but_their_signs_do(self) -> None:
+        assert verdict(results_with(), "Convenient tuning") is Verdict.PARTLY
+        results = read_comparison(PAPER)
+        alike = {
+            command: msgspec.structs.replace(one, hands_correlation=1.0)
+            for command, one in results.measures.items()
+        }
+        same = msgspec.structs.replace(results, measures=alike)
+        assert verdict(same, "Convenient tuning") is Verdict.FAILS
+
     def test_a_worse_flight_turns_a_verdict(self) -> None:
         assert verdict(results_with(), "the accuracy is better") is Verdict.HOLDS
         assert verdict(results_with(M1_C2=50.0), "the accuracy is better") is Verdict.FAILS
         assert verdict(results_with(M1_C2=5.0, M1_C3=3.0, M0_C2=3.0), "accurately tracks") is Verdict.HOLDS
         assert verdict(results_with(M1_C2=50.0), "accurately tracks") is Verdict.PARTLY
+        assert verdict(results_with(), "need not be parameterised") is Verdict.HOLDS
+        assert verdict(results_with(M1_C2=50.0), "need not be parameterised") is Verdict.PARTLY
         assert (
             verdict(results_with(M0_C2=3.0, M0_C3=4.0, M0_NONE=4.0), "With alpha unknown") is Verdict.PARTLY
         )

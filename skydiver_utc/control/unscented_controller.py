@@ -36,8 +36,8 @@ class UnscentedTransformController:
         point is the sigma point, control that of the step before (for j = 0 the one now applied) and preview[j] the
         reference at step j; U^i of eq:xpred is then the control on the first step. None: the sigma point is held
     rest, P_rest: where each control is drawn to, one number or (m,), and the variance of its distance from there,
-        inf for a control that is free. Such controls are further outputs, whose reference is rest. None: the initial
-        control, and no control is drawn
+        inf for a control that is free. Such controls are further outputs, whose reference is rest. None: the
+        initial control, and no control is drawn
     leak: share of Pu that is forgotten after each step, so that directions no output sees settle at Qu / leak
     square_root: keep a factor S of Pu = S S' and move that on; Qu should then have no negative eigenvalues
     covariance_floor: smallest eigenvalue that the repair of Pu leaves; None: 1e-9 of the smallest initial variance

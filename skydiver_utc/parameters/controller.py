@@ -167,7 +167,8 @@ class UtcParameters(Parameters, frozen=True, kw_only=True, tag_field="kind", tag
         float, quantity("1", "the same for both hands, at rest at 0; 0: not outputs", ge=0, le=1e6)
     ] = 0.0
     P_rest_alpha: Annotated[
-        float, quantity("rad^2", "the same for the pattern angle, at rest at 0; 0: not an output", ge=0, le=1e6)
+        float,
+        quantity("rad^2", "the same for the pattern angle, at rest at 0; 0: not an output", ge=0, le=1e6),
     ] = 0.0
     covariance_leak: Annotated[
         float, quantity("1", "beyond the paper: share of Pu that is forgotten in each step", ge=0, lt=1)

@@ -49,7 +49,9 @@ class SkydiverUtc:
         further = [(0.0, parameters.P_err_roll_rate), (initial_fall_rate, parameters.P_err_fall_rate)]
         further += zip(parameters.rest, parameters.P_rest, strict=True)
         kept, variances = zip(
-            (0.0, parameters.P_err), *((kept, variance) for kept, variance in further if variance > 0.0), strict=True
+            (0.0, parameters.P_err),
+            *((kept, variance) for kept, variance in further if variance > 0.0),
+            strict=True,
         )
         self._reference = np.array(kept)
         m = len(CONTROL_NAMES)

@@ -17,6 +17,7 @@ _CLAIMS: tuple[Callable[[PaperResults], Claim], ...] = (
     claims_theory.mean_square,
     claims_tracking.cheaper,
     claims_tracking.no_convergence_problems,
+    claims_tracking.not_parameterised,
     claims_tuning.p_err,
     claims_tuning.w0,
     claims_tuning.horizon,
@@ -29,6 +30,7 @@ _CLAIMS: tuple[Callable[[PaperResults], Claim], ...] = (
     claims_tuning.least_effort,
     claims_tracking.fast_convergence,
     claims_tuning.insensitive,
+    claims_tuning.convenient,
     claims_theory.stability,
 )
 

@@ -1,14 +1,19 @@
 """Claims about UTC's parameters: what each does and how much it matters."""
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 
+from skydiver_utc.parameters import UtcParameters
+from skydiver_utc.simulation.build import control_limits
 from skydiver_utc.studies import paper_runs as flown
 from skydiver_utc.studies.claim import CLEARLY, Claim, Verdict, effort, judge, listed, rmse_of
-from skydiver_utc.studies.markdown import figure
+from skydiver_utc.studies.markdown import figure, percent
 from skydiver_utc.studies.paper_results import PaperResults
+from skydiver_utc.studies.runs import shipped
 
 _BAR_WITHOUT_COUPLING = 15.0  # RMSE [deg/s]
+_ORDER_OF_MAGNITUDE = 0.1  # of an actuator's range
 _NEAR_BEST = 1.5  # times the best RMSE of a sweep
 
 
@@ -141,3 +146,31 @@ def insensitive(results: PaperResults) -> Claim:
         for one in results.tuning
     ]
     return Claim(words, rule, "; ".join(texts), judge([one.converged == one.count for one in results.tuning]))
+
+
+def convenient(results: PaperResults) -> Claim:
+    """The conclusion's third advantage."""
+    scenario = shipped(flown.M0_C2.scenario)
+    p, limits = scenario.controller, control_limits(scenario)
+    assert isinstance(p, UtcParameters)
+    variances = [p.variance_Cm_damp_yaw, p.variance_k_right, p.variance_k_left, p.variance_alpha]
+    deviations = [math.sqrt(variance) for variance in variances]
+    shares = [d / span for d, span in zip(deviations, limits.maximum - limits.minimum, strict=True)]
+    sizes = (p.covariance_12, p.covariance_13, p.covariance_14)
+    correlations = [size / deviations[0] / d for size, d in zip(sizes, deviations[1:], strict=True)]
+    first, second = (results.of(one).hands_correlation or 0.0 for one in (flown.M1_C2, flown.M1_C3))
+    return Claim(
+        "Convenient tuning: the elements of Pu_0 and Qu have a clear physical meaning",
+        "the numbers printed are standard deviations of a tenth of each actuator's range or more and correlations"
+        " of at most 1; the signs do to the hands what they say",
+        f"deviations {', '.join(percent(share) for share in shares)} of the ranges; correlations"
+        f" {', '.join(f'{value:.1f}' for value in correlations)}, which no covariance has; hands {first:.2f} with"
+        f" eq_q1, {second:.2f} with eq_q3",
+        judge(
+            [
+                all(share >= _ORDER_OF_MAGNITUDE for share in shares),
+                all(value <= 1.0 for value in correlations),
+                first < -0.5 and second > 0.5,
+            ]
+        ),
+    )

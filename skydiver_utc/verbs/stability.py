@@ -86,7 +86,8 @@ def of_skydiver(scenario: Scenario, alpha: float) -> Tuned:
         )
     if any(parameters.P_rest):
         raise VerbError(
-            f"{scenario.name} draws controls to rest, which the theory does not cover: set every controller.P_rest_... to 0"
+            f"{scenario.name} draws controls to rest, which the theory does not cover:"
+            " set every controller.P_rest_... to 0"
         )
     model = build_model(scenario)
     fall = straight_falls(model)[0]
