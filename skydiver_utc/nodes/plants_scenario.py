@@ -26,7 +26,7 @@ class PlantsScenario:
         """The scenario, if it is the plant's and new; `BorderError` if the plant names another one."""
         self._held.append(text)
         if self._plant is not None and checksum(text) != self._plant.scenario:
-            raise BorderError("stranger", "it is not the scenario that the plant says it flies")
+            raise BorderError("stranger", "it is not the scenario that the plant names")
         return self._new()
 
     def hear_claim(self, claim: Claim) -> str | None:
