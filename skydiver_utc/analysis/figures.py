@@ -91,13 +91,12 @@ def _draw_title(figure: Figure, flight: Flight, values: dict[str, Any]) -> None:
     if values["convergence_time_s"] is not None:
         in_doubt = at_the_latest(values, "convergence_time_s")
         facts.append(f"inside 5 % from {values['convergence_time_s']:.2f} s on{in_doubt}")
-    if values["missing_steps"]:
-        facts.append(f"recorded from {values['begins_at_s']:.2f} s on")
     fine = flight.outcome is Outcome.COMPLETED
     figure.text(0.02, 0.960, "   |   ".join(facts), va="top", color=GREY if fine else VERMILLION)
-    if not fine:
-        reason = textwrap.shorten(flight.reason, width=105, placeholder=" ...")
-        figure.text(0.02, 0.941, reason, va="top", fontsize=8.5, color=VERMILLION)
+    lacks = f"recorded from {values['begins_at_s']:.2f} s on" if values["missing_steps"] else ""
+    remarks = "; ".join(filter(None, (lacks, "" if fine else flight.reason)))
+    shortened = textwrap.shorten(remarks, width=105, placeholder=" ...")
+    figure.text(0.02, 0.941, shortened, va="top", fontsize=8.5, color=VERMILLION)
 
 
 def _draw_rate(axes: Axes, flight: Flight) -> None:
@@ -147,7 +146,7 @@ def _draw_error(
             ha="right", va="bottom", fontsize=8.0, color="#00694D",
         )  # fmt: skip
     axes.plot(flight.time_s, error, color=VERMILLION, linewidth=1.1)
-    if convergence_time_s is not None and convergence_time_s > flight.time_s[0]:
+    if convergence_time_s is not None and convergence_time_s > flight.time_s[0] + 0.5 * flight.scenario.dt_s:
         axes.axvline(convergence_time_s, color=GREEN, linewidth=1.2, linestyle=(0, (4, 2)))
     axes.set_ylim(-reach, reach)
     axes.set_ylabel("error\n[deg/s]")
