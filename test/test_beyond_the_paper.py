@@ -5,11 +5,12 @@ import numpy as np
 import paper_utc as paper
 import plain_utc
 import pytest
+from scipy.optimize import least_squares
 
-from skydiver_utc import UnscentedTransformController
+from skydiver_utc import Status, UnscentedTransformController
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.control.coupling import CouplingSchedule
-from skydiver_utc.parameters import load_scenario
+from skydiver_utc.parameters import ParameterError, load_scenario
 from skydiver_utc.plant.dynamics import WORK_SIZE, rk4_step
 from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
 from skydiver_utc.simulation.closed_loop import simulate
@@ -25,6 +26,7 @@ def test_without_an_option_the_controller_is_the_papers():
     assert parameters.covariance_leak == 0.0
     assert parameters.square_root is False
     assert not any(parameters.P_rest)
+    assert parameters.iterations == 1
 
 
 @pytest.mark.parametrize(("change", "share"), [(0.25, 0.25), (-0.5, 0.5), (3.0, 1.0), (0.0, 0.02)])
@@ -123,6 +125,85 @@ def model_step(plant, x, u):
     following = np.empty_like(x)
     rk4_step(plant.model, x, u, following, np.empty(WORK_SIZE))
     return following
+
+
+def static(output, **options):
+    """A controller of a plant without memory: the output of one step is a function of the control."""
+    return UnscentedTransformController(
+        lambda x, u, dt: u + 0.0 * x, output, state=[0.0, 0.0], control=[0.1, -0.2], dt=1.0, horizon=1,
+        Pu=1.0, Qu=0.0, **options,
+    )  # fmt: skip
+
+
+def test_iterations_change_nothing_where_outputs_are_linear():
+    B = np.array([[1.0, -0.7], [0.3, 2.0], [0.4, 0.1]])
+    once, often = (static(lambda u: B @ u, P_err=0.05, iterations=n) for n in (1, 4))
+    for wanted in ([1.0, 0.5, -0.3], [0.2, -2.0, 0.4]):
+        one, other = once.step([0.0, 0.0], wanted), often.step([0.0, 0.0], wanted)
+        np.testing.assert_allclose(other.control, one.control, atol=1e-9)
+        np.testing.assert_allclose(other.covariance, one.covariance, atol=1e-9)
+        np.testing.assert_allclose(other.predicted, one.predicted, atol=1e-12)
+
+
+@pytest.mark.parametrize("wanted", [0.2, 3.0, 8.0])
+def test_iterations_find_the_most_probable_control_of_a_curved_output(wanted):
+    """y = exp(u0 + u1 / 2): against SciPy's minimum of (y - r)^2 / P_err + (U - U_0)' Pu^-1 (U - U_0)."""
+
+    def output(u):
+        return np.exp(u[0] + 0.5 * u[1])
+
+    P_err, start = 1e-4, np.array([0.1, -0.2])
+    best = least_squares(
+        lambda u: np.append(u - start, (output(u) - wanted) / np.sqrt(P_err)), start, xtol=1e-12
+    )
+    errors = []
+    for iterations in (1, 8):
+        controller = static(output, P_err=P_err, iterations=iterations)
+        errors.append(np.abs(controller.step([0.0, 0.0], wanted).control - best.x).max())
+    # What is left is the spread of the newest Pu across the direction that the output sees.
+    assert errors[1] < 0.02
+    assert errors[1] < 0.2 * errors[0]
+
+
+def test_a_point_lost_in_a_later_iteration_leaves_the_pass_before():
+    """The model ends at u0 = 1.5: the first pass stays inside, the second would not."""
+    calls = []
+
+    def output(u):
+        calls.append(u[0])
+        return np.nan if u[0] > 1.5 else u[0]
+
+    once, often = (static(output, P_err=0.2, iterations=n, minimum=-1.0, maximum=3.0) for n in (1, 3))
+    once.reset(Pu=0.2), often.reset(Pu=0.2)
+    one = once.step([0.0, 0.0], 2.5)
+    calls.clear()
+    other = often.step([0.0, 0.0], 2.5)
+    assert max(calls) > 1.5
+    assert other.lost > 0
+    assert other.status is Status.REPAIRED
+    np.testing.assert_array_equal(other.control, one.control)
+
+
+@pytest.mark.parametrize("options", [{"W0": -0.1}, {"square_root": True}])
+def test_iterations_refuse_what_they_cannot_do(options):
+    with pytest.raises(ValueError, match="iterations is 2"):
+        static(lambda u: u[0], iterations=2, **options)
+
+
+def test_the_skydivers_iterations_refuse_what_they_cannot_do():
+    scenario = load_scenario(
+        "fast_turn_unknown_dynamics", {"controller.iterations": 2, "controller.square_root": True}
+    )
+    with pytest.raises(ParameterError, match=r"controller\.iterations is 2"):
+        build_controller(scenario)
+
+
+def test_the_skydiver_flies_with_iterations():
+    """They gain nothing here (docs/beyond.md), and lose nothing in the first three seconds."""
+    settings = {"controller.iterations": 2, "controller.P_rest_Cm_damp_yaw": 0.1, "duration_s": 3.0}
+    flown = metrics(simulate(load_scenario("fast_turn_unknown_dynamics", settings)))
+    assert flown["outcome"] == "completed"
+    assert flown["rmse_deg_s"] < 20.0
 
 
 BEYOND = {

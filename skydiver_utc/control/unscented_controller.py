@@ -40,6 +40,8 @@ class UnscentedTransformController:
         initial control, and no control is drawn
     leak: share of Pu that is forgotten after each step, so that directions no output sees settle at Qu / leak
     square_root: keep a factor S of Pu = S S' and move that on; Qu should then have no negative eigenvalues
+    iterations: how often the update is done, each time with sigma points from where it has led; for outputs that
+        bend much within the spread of Pu. Costs as many predictions; takes W0 >= 0, and not square_root
     covariance_floor: smallest eigenvalue that the repair of Pu leaves; None: 1e-9 of the smallest initial variance
     """
 
@@ -65,6 +67,7 @@ class UnscentedTransformController:
         P_rest: ArrayLike | None = None,
         leak: float = 0.0,
         square_root: bool = False,
+        iterations: int = 1,
         covariance_floor: float | None = None,
     ) -> None:
         start = np.atleast_1d(arguments.numbers("state", state))
@@ -107,6 +110,7 @@ class UnscentedTransformController:
             covariance_floor=floor,
             leak=arguments.number("leak", leak, least=0.0, below=1.0),
             square_root=arguments.flag("square_root", square_root),
+            iterations=_iterations(iterations, W0, square_root),
         )
         points = np.tile(self._initial_control, (2 * m + 1, 1))
         roll_out.check(
@@ -240,6 +244,13 @@ def _rest(
         raise ValueError("P_rest must be above zero for every control; leave one free with inf.")
     drawn = np.flatnonzero(np.isfinite(variances))
     return drawn, where[drawn], variances[drawn]
+
+
+def _iterations(iterations: int, W0: float, square_root: bool) -> int:
+    number = arguments.count("iterations", iterations)
+    if number > 1 and (square_root or W0 < 0.0):
+        raise ValueError(f"iterations is {number}; it takes a W0 of zero or more, and square_root=False.")
+    return number
 
 
 def _horizon(horizon: int | Sequence[int]) -> tuple[int, ...]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from skydiver_utc.control import utc_square_root, utc_step
 from skydiver_utc.control.limits import ControlLimits
 from skydiver_utc.control.protocol import Status
+from skydiver_utc.control.utc_iterated import IteratedUpdate
 from skydiver_utc.control.utc_memory import Memory, Rules, memory, new_block
 from skydiver_utc.control.utc_step import Recovery
 from skydiver_utc.unscented.covariance import symmetric_root
@@ -57,7 +58,8 @@ class UtcLaw:
 
     P_err (l, l) covariance of the tracking error; `covariance_floor` is the smallest eigenvalue kept in Pu.
     The readings are those of `UtcParameters`; `leak` is the share of Pu that is forgotten after each step;
-    `square_root` keeps a factor S of Pu = S S' and moves that on, the same law in exact arithmetic.
+    `square_root` keeps a factor S of Pu = S S' and moves that on, the same law in exact arithmetic; `iterations`
+    above 1 repeats the update from where it has led, not in square-root form.
 
     A sigma point that diverges inside the horizon (an output that is not finite, or beyond 1e100) is left out: the
     weights of the others are scaled to the same sum, and made equal if W0 < 0. Mean and spread so move away from
@@ -82,6 +84,7 @@ class UtcLaw:
         output_weights: Array | None = None,
         leak: float = 0.0,
         square_root: bool = False,
+        iterations: int = 1,
     ) -> None:
         m = len(limits.minimum)
         P_err = np.ascontiguousarray(P_err, dtype=float)
@@ -107,6 +110,8 @@ class UtcLaw:
         self._draw: Callable[[Rules, Memory], float] = form.draw
         self._move: Callable[[Rules, Memory, Array, Array, float], tuple[int, int, int, float]] = form.move
         self._run: WholeStep = getattr(predict, "whole_step", self._in_three_calls)
+        if iterations > 1:
+            self._run = IteratedUpdate(own, predict, iterations)
         self.reset(np.zeros(m), np.eye(m))
 
     @property

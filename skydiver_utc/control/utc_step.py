@@ -107,7 +107,15 @@ def conclude(
     rules: Rules, x: Memory, reference: Array, possible: bool, recovery: int, lost: int, repaired: float
 ) -> tuple[int, int, int, float]:
     """Move the control and adopt what was found, if that was possible; returns what `move` does."""
-    if not (possible and update(x, reference)):
+    return settle(rules, x, possible and update(x, reference), recovery, lost, repaired)
+
+
+@kernel
+def settle(
+    rules: Rules, x: Memory, found: bool, recovery: int, lost: int, repaired: float
+) -> tuple[int, int, int, float]:
+    """Adopt the next control and covariance, if they were found; returns what `move` does."""
+    if not found:
         return KEPT_PREVIOUS, recovery, lost, repaired
     trace = 0.0
     for a in range(x.covariance.shape[0]):

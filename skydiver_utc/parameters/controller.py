@@ -178,6 +178,17 @@ class UtcParameters(Parameters, frozen=True, kw_only=True, tag_field="kind", tag
         text("beyond the paper: a factor S of Pu = S S' is kept and moved on, and Pu never formed for it"),
     ] = False
 
+    iterations: Annotated[
+        int,
+        quantity(
+            "1",
+            "beyond the paper: updates in each step, each with sigma points from where it has led; more than one "
+            "needs W0 of zero or more, square_root false, first_increment_reading unchanged",
+            ge=1,
+            le=20,
+        ),
+    ] = 1
+
     @property
     def P_rest(self) -> tuple[float, ...]:
         """Covariance of each control's distance from rest (4,), 0 where it is not an output."""

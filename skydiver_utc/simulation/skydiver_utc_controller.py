@@ -8,7 +8,7 @@ from skydiver_utc.control.limits import ControlLimits
 from skydiver_utc.control.protocol import Decision, Status
 from skydiver_utc.control.utc import UtcLaw
 from skydiver_utc.control.utc_step import Recovery
-from skydiver_utc.parameters import UtcParameters
+from skydiver_utc.parameters import ParameterError, UtcParameters
 from skydiver_utc.plant.model import PlantModel
 from skydiver_utc.plant.skydiver import CONTROL_NAMES
 from skydiver_utc.simulation.prediction import SkydiverPrediction
@@ -67,6 +67,7 @@ class SkydiverUtc:
             output_weights=printed if parameters.weights_reading == "printed" else None,
             leak=parameters.covariance_leak,
             square_root=parameters.square_root,
+            iterations=_iterations(parameters),
         )
         self.preview_steps = parameters.preview_steps(model.dt)
         self.reset()
@@ -128,6 +129,15 @@ class SkydiverUtc:
         values[0], values[1], values[-2], values[-1] = predicted, innovation, repaired, recovery
         values[2:-2] = self._utc.deviations
         return values
+
+
+def _iterations(p: UtcParameters) -> int:
+    if p.iterations > 1 and (p.W0 < 0.0 or p.square_root or p.first_increment_reading == "measured"):
+        raise ParameterError(
+            f"controller.iterations is {p.iterations}: more than one needs W0 of zero or more, square_root=false"
+            " and first_increment_reading=unchanged"
+        )
+    return p.iterations
 
 
 def rescued_steps(names: tuple[str, ...], telemetry: Array) -> int:
