@@ -66,7 +66,9 @@ class IteratedUpdate:
         deviations, errors = own.saved - own.next_control, own.outputs - own.next_predicted
         weighted = own.left[:, None] * deviations
         covariance = weighted.T @ deviations
-        slope = np.asarray(np.linalg.lstsq(covariance, weighted.T @ errors, rcond=None)[0].T, dtype=np.float64)
+        slope = np.asarray(
+            np.linalg.lstsq(covariance, weighted.T @ errors, rcond=None)[0].T, dtype=np.float64
+        )
         left = errors.T @ (own.left[:, None] * errors) - slope @ covariance @ slope.T
         return own.next_control.copy(), covariance, slope, left
 
