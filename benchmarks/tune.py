@@ -57,12 +57,12 @@ _UTC: Values = {
     "covariance_13": 0.74,
     "covariance_14": 0.56,
 }
-_UTC_AT_REST: Values = _UTC | {
-    "horizon_steps": 20,
+_UTC_BEYOND: Values = _UTC | {
+    "horizon_steps": 16,
     "k_hyst_s": 0.7,
     "full_coupling_acceleration": 6.1,
     "rest_Cm_damp_yaw": 0.3,
-    "P_rest_Cm_damp_yaw": 0.1,
+    "P_rest_Cm_damp_yaw": 0.05,
     "P_rest_hands": 1.0,
 }
 
@@ -113,7 +113,7 @@ SUBJECTS: dict[str, Subject] = {
         {"kind": "utc", "alpha_dynamics": "incremental", "saved_control_reading": "first_step"},
         _UTC | {"horizon_steps": 5, "K_p": 1.5, "K_FF": 0.1},
     ),
-    "utc_at_rest": Subject({"kind": "utc", "aim": "tangent"}, _UTC_AT_REST),
+    "utc_beyond_the_paper": Subject({"kind": "utc", "aim": "tangent", "W0": 0.5}, _UTC_BEYOND),
 }
 
 

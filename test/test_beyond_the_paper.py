@@ -223,6 +223,23 @@ def test_one_setting_follows_a_slow_turn_that_the_papers_setting_loses():
     assert beyond["convergence_time_s"] < 1.0
 
 
+@pytest.mark.parametrize(("amplitude", "frequency"), [(400.0, 0.15), (200.0, 0.3)])
+def test_controls_drawn_to_rest_keep_turns_that_are_lost_without(amplitude, frequency):
+    """The scenario's setting for all turns, first with nothing drawn to rest; one period after the first 2 s."""
+    turn = {
+        "reference.amplitude_deg_s": amplitude,
+        "reference.frequency_hz": frequency,
+        "duration_s": 2.0 + 1.0 / frequency,
+    }
+    free = {"controller.P_rest_Cm_damp_yaw": 0.0, "controller.P_rest_hands": 0.0}
+    drawn, lost = (
+        metrics(simulate(load_scenario("fast_turn_beyond_the_paper", turn | more))) for more in ({}, free)
+    )
+    assert drawn["rmse_deg_s"] < 1.0
+    assert drawn["convergence_time_s"] < 1.0
+    assert lost["rmse_deg_s"] > 1.5 * drawn["rmse_deg_s"]
+
+
 def test_the_tangent_takes_away_the_lag_of_the_horizon():
     """A held control that meets the reference at T leaves T^2 / 2 of its second derivative.
 
