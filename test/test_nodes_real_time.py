@@ -218,10 +218,10 @@ def test_a_recorder_killed_in_real_time_does_not_stop_the_flight(
 ) -> None:
     flight = Killed(ros, processes)
     # Begun by the spectator's word: that of a recorder could come before all is heard here.
-    begun_at = flight.until_step(1)
+    flight.until_step(1)
     recorder = processes.start("recorder", overrides(600.0, bag_folder=tmp_path / "bag"))
     recorder.wait_for_output("ready")
-    killed_at = flight.until_step(begun_at + 100)
+    killed_at = flight.until_step(100)
     recorder.kill()
     flight.until_step(killed_at + 300)
     flight.stop()
