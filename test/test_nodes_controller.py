@@ -22,8 +22,7 @@ class Stage:
 
     def __init__(self, ros: Ros, **parameters: object) -> None:
         self.ros = ros
-        brief = {"rejoin_wait_s": 0.3}  # nobody here tells what is applied
-        self.node: ControllerNode = ros.add(ControllerNode(ros.context, overrides(**(brief | parameters))))
+        self.node: ControllerNode = ros.add(ControllerNode(ros.context, overrides(**parameters)))
         self.scenario = self.node.scenario
         self.plant: Partner = ros.partner("plant")
         self.commands = self.plant.hear(topics.COMMAND)

@@ -217,8 +217,6 @@ def test_a_recorder_killed_in_real_time_does_not_stop_the_flight(
     ros: Ros, processes: Processes, tmp_path: Path
 ) -> None:
     flight = Killed(ros, processes)
-    # Begun by the spectator's word: that of a recorder could come before all is heard here.
-    flight.until_step(1)
     recorder = processes.start("recorder", overrides(600.0, bag_folder=tmp_path / "bag"))
     recorder.wait_for_output("ready")
     killed_at = flight.until_step(100)
