@@ -70,12 +70,17 @@ def compiler() -> str | None:
     return shutil.which("cc")
 
 
+def compile_library(source: Path, library: Path, flags: tuple[str, ...] = FLAGS) -> None:
+    """A shared library from one file of C."""
+    subprocess.run(["cc", *flags, "-shared", "-fPIC", "-o", library, source, "-lm"], check=True)
+
+
 @contextmanager
 def library(flags: tuple[str, ...] = FLAGS) -> Iterator[ctypes.CDLL]:
     """utc_step.c compiled by cc, loaded, and removed at the end."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "utc_step.so"
-        subprocess.run(["cc", *flags, "-shared", "-fPIC", "-o", path, SOURCE, "-lm"], check=True)
+        compile_library(SOURCE, path, flags)
         yield _declared(ctypes.CDLL(str(path)))
 
 

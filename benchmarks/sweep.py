@@ -23,13 +23,17 @@ FLOWN = {
 }
 
 
+def turn_of(amplitude: float, frequency: float) -> dict[str, float | int]:
+    """One turn of the grid, as changes to a scenario."""
+    return {"reference.amplitude_deg_s": float(amplitude), "reference.frequency_hz": frequency}
+
+
 def sweep(scenario: str) -> tuple[np.ndarray, np.ndarray]:
     """RMSE after 2 s [deg/s] and convergence time [s, inf for never], one row per amplitude."""
     rmse, converged = (np.empty((len(AMPLITUDES), len(FREQUENCIES))) for _ in range(2))
     for i, amplitude in enumerate(AMPLITUDES):
         for j, frequency in enumerate(FREQUENCIES):
-            turn = {"reference.amplitude_deg_s": float(amplitude), "reference.frequency_hz": frequency}
-            values = metrics(simulate(load_scenario(scenario, turn)))
+            values = metrics(simulate(load_scenario(scenario, turn_of(amplitude, frequency))))
             since = values["convergence_time_s"]
             rmse[i, j], converged[i, j] = values["rmse_deg_s"], np.inf if since is None else since
     return rmse, converged

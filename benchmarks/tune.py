@@ -19,7 +19,7 @@ from typing import NamedTuple
 import click
 import numpy as np
 import tool_chains
-from sweep import AMPLITUDES, FREQUENCIES
+from sweep import AMPLITUDES, FREQUENCIES, turn_of
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.control.protocol import Controller
@@ -57,14 +57,16 @@ _UTC: Values = {
     "covariance_13": 0.74,
     "covariance_14": 0.56,
 }
-_UTC_BEYOND: Values = _UTC | {
-    "horizon_steps": 16,
-    "k_hyst_s": 0.7,
-    "full_coupling_acceleration": 6.1,
-    "rest_Cm_damp_yaw": 0.3,
-    "P_rest_Cm_damp_yaw": 0.05,
-    "P_rest_hands": 1.0,
-}
+_BEYOND = load_scenario("fast_turn_beyond_the_paper").controller
+_BEYOND_TUNED = (
+    *_UTC,
+    "horizon_steps",
+    "k_hyst_s",
+    "full_coupling_acceleration",
+    "rest_Cm_damp_yaw",
+    "P_rest_Cm_damp_yaw",
+    "P_rest_hands",
+)
 
 
 class Subject(NamedTuple):
@@ -113,17 +115,16 @@ SUBJECTS: dict[str, Subject] = {
         {"kind": "utc", "alpha_dynamics": "incremental", "saved_control_reading": "first_step"},
         _UTC | {"horizon_steps": 5, "K_p": 1.5, "K_FF": 0.1},
     ),
-    "utc_beyond_the_paper": Subject({"kind": "utc", "aim": "tangent", "W0": 0.5}, _UTC_BEYOND),
+    "utc_beyond_the_paper": Subject(
+        {"kind": "utc", **{name: getattr(_BEYOND, name) for name in ("aim", "W0")}},
+        {name: getattr(_BEYOND, name) for name in _BEYOND_TUNED},
+    ),
 }
 
 
 TURNS: dict[str, list[Values]] = {
     "fast": [{}],
-    "all": [
-        {"reference.amplitude_deg_s": float(amplitude), "reference.frequency_hz": frequency}
-        for amplitude in AMPLITUDES
-        for frequency in FREQUENCIES
-    ],
+    "all": [turn_of(amplitude, frequency) for amplitude in AMPLITUDES for frequency in FREQUENCIES],
 }
 
 

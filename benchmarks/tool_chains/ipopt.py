@@ -7,7 +7,7 @@ import numpy as np
 
 from tool_chains.model import STATES, step
 from tool_chains.program import Array, Program, Solution, Solve, Structure, costs_of, effort
-from tool_chains.roll_out import linearised, roll_out
+from tool_chains.roll_out import held_control, linearised, roll_out
 
 _QUIET = {"print_level": 0, "sb": "yes"}
 # From the sequence before, so that the barrier may start low and the point near its bounds.
@@ -86,8 +86,7 @@ def solve_by_opti(program: Program, expand: bool = False) -> Solve:
     for j in range(steps):
         b, inside = divmod(j, hold)
         before = applied if b == 0 else u[:, b - 1]
-        share = (inside * periods + 0.5 * (periods + 1)) / (hold * periods)
-        held = ca.vertcat(u[:3, b], before[3] + share * (u[3, b] - before[3]))
+        held = held_control(u[:, b], before[3], inside, hold, periods)
         opti.subject_to(x[:, j + 1] == follow(x[:, j], held, structure.model.dt * periods))
         if inside == 0:
             opti.subject_to(opti.bounded(limits.minimum, u[:, b], limits.maximum))

@@ -4,16 +4,23 @@ The same grid as `skydiver_utc/simulation/rollout.py`: over a model step alpha i
 on its even way through the block.
 """
 
-import subprocess
 import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 
 import casadi as ca
-from c_transcription import FLAGS, compiler
+from c_transcription import compile_library, compiler
 
 from tool_chains.model import STATES, step
 from tool_chains.program import Structure
+
+
+def held_control(u: ca.MX, alpha: ca.MX, inside: int, hold: int, periods: ca.MX | int) -> ca.MX:
+    """The control (4,) over model step `inside` of the `hold` in a block; alpha is that of the block before."""
+    share = (inside * periods + 0.5 * (periods + 1)) / (hold * periods)
+    return ca.vertcat(u[:3], alpha + share * (u[3] - alpha))
 
 
 def block(structure: Structure) -> ca.Function:
@@ -22,8 +29,7 @@ def block(structure: Structure) -> ca.Function:
     x, alpha, u, periods = ca.MX.sym("x", STATES), ca.MX.sym("alpha"), ca.MX.sym("u", 4), ca.MX.sym("periods")
     after, rates = x, []
     for inside in range(hold):
-        share = (inside * periods + 0.5 * (periods + 1)) / (hold * periods)
-        held = ca.vertcat(u[:3], alpha + share * (u[3] - alpha))
+        held = held_control(u, alpha, inside, hold, periods)
         after = follow(after, held, structure.model.dt * periods)
         rates.append(after[STATES - 1])
     return ca.Function("block", [x, alpha, u, periods], [after, ca.vertcat(*rates)])
@@ -85,16 +91,23 @@ def _arguments(structure: Structure) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
 
 
 def compiled(function: ca.Function) -> ca.Function:
-    """The function from its generated C, by the compiler and the flags of c/utc_step.c."""
+    """The function from its generated C."""
+    with library_of(function.name(), [function]) as library:
+        return ca.external(function.name(), library)
+
+
+@contextmanager
+def library_of(name: str, functions: Iterable[ca.Function]) -> Iterator[str]:
+    """Path of a library of functions, by the compiler and the flags of c/utc_step.c; removed at the end."""
     if compiler() is None:
         raise RuntimeError(
             "the tool chains are compiled from C that CasADi writes: install a C compiler (cc)"
         )
     with tempfile.TemporaryDirectory() as folder:
-        name = function.name()
         written = ca.CodeGenerator(f"{name}.c")
-        written.add(function)
+        for function in functions:
+            written.add(function)
         written.generate(f"{folder}/")
-        source, library = Path(folder) / f"{name}.c", Path(folder) / f"{name}.so"
-        subprocess.run(["cc", *FLAGS, "-shared", "-fPIC", "-o", library, source, "-lm"], check=True)
-        return ca.external(name, str(library))
+        library = Path(folder) / f"{name}.so"
+        compile_library(library.with_suffix(".c"), library)
+        yield str(library)

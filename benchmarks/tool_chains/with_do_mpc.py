@@ -1,19 +1,15 @@
 """do-mpc with one of its stages for each block: multiple shooting, IPOPT inside, solved to convergence."""
 
-import subprocess
-import tempfile
 import warnings
 from functools import lru_cache
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
-from c_transcription import FLAGS
 
 from tool_chains.ipopt import WARM
 from tool_chains.model import STATES
 from tool_chains.program import Array, Program, Solution, Solve, Structure, costs_of, effort
-from tool_chains.roll_out import block
+from tool_chains.roll_out import block, library_of
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", UserWarning)  # of extras that nothing here uses
@@ -125,14 +121,6 @@ class _Stages:
 
 def _compile(mpc: do_mpc.controller.MPC) -> None:
     """What do-mpc's `compile_nlp` does, with other flags, without its prints, and with no files left."""
-    with tempfile.TemporaryDirectory() as folder:
-        written = ca.CodeGenerator("nlp.c")
-        written.add(mpc.S.oracle())
-        for name in mpc.S.get_function():
-            written.add(mpc.S.get_function(name))
-        written.generate(f"{folder}/")
-        library = Path(folder) / "nlp.so"
-        subprocess.run(
-            ["cc", *FLAGS, "-shared", "-fPIC", "-o", library, Path(folder) / "nlp.c", "-lm"], check=True
-        )
-        mpc.S = ca.nlpsol("compiled", "ipopt", str(library), mpc.settings.nlpsol_opts)
+    functions = [mpc.S.oracle(), *(mpc.S.get_function(name) for name in mpc.S.get_function())]
+    with library_of("nlp", functions) as library:
+        mpc.S = ca.nlpsol("compiled", "ipopt", library, mpc.settings.nlpsol_opts)
