@@ -217,9 +217,11 @@ def test_a_recorder_killed_in_real_time_does_not_stop_the_flight(
     ros: Ros, processes: Processes, tmp_path: Path
 ) -> None:
     flight = Killed(ros, processes)
+    # The plant waits for one that hears it: the recorder must not be that one, or the test misses the first steps.
+    begun_at = flight.until_step(10)
     recorder = processes.start("recorder", overrides(600.0, bag_folder=tmp_path / "bag"))
     recorder.wait_for_output("ready")
-    killed_at = flight.until_step(100)
+    killed_at = flight.until_step(begun_at + 100)
     recorder.kill()
     flight.until_step(killed_at + 300)
     flight.stop()
