@@ -9,6 +9,7 @@ from click.testing import CliRunner
 import skydiver_utc.simulation.linear_loop as linear_loop
 from skydiver_utc.cli import main
 from skydiver_utc.control.limits import ControlLimits
+from skydiver_utc.control.unscented_controller import UnscentedTransformController
 from skydiver_utc.parameters import ParameterError, load_scenario
 from skydiver_utc.parameters.linear_plant import load_linear_plant
 from skydiver_utc.plant.dynamics import WORK_SIZE, rk4_step
@@ -17,7 +18,7 @@ from skydiver_utc.plant.model import build_model
 from skydiver_utc.plant.skydiver import RATE_AT
 from skydiver_utc.plant.steady import HeldBody, _quaternion, steady_turn, straight_falls
 from skydiver_utc.simulation.prediction import SkydiverPrediction
-from skydiver_utc.theory.linear_plant import LinearPlant
+from skydiver_utc.theory.linear_plant import LinearPlant, with_outputs_of_controls
 from skydiver_utc.theory.stability import analyse
 from skydiver_utc.verbs.stability import of_linear_plant, of_skydiver, report
 
@@ -52,6 +53,44 @@ def test_the_gain_settles_from_another_covariance():
     run = linear_loop.fly_linear(plant, 1, 3.0 * np.eye(3), Qu, P_err, start, 40)
     step = run[-1] - found.Z @ run[-2]
     assert np.abs(step).max() < 1e-6 * np.abs(run[-2]).max()
+
+
+@pytest.mark.parametrize("steps", [1, 3])
+def test_controls_drawn_to_rest_fly_as_outputs_of_the_linear_plant(steps):
+    """Z of the plant with further outputs, against the library's controller with `rest` and `P_rest`."""
+    plant, rng = random_plant(7)
+    Qu, P_err, P_rest, drawn = 0.1 * np.eye(3), 0.1, np.array([0.3, np.inf, 0.5]), [0, 2]
+    further = with_outputs_of_controls(plant, drawn)
+    found = analyse(further, steps, Qu, np.diag([P_err, P_err, *P_rest[drawn]]), 0.0)
+    x, u = rng.normal(size=4), np.zeros(3)
+    controller = UnscentedTransformController(
+        lambda state, control, dt: plant.A @ state + plant.B @ control,
+        lambda state: plant.C @ state,
+        state=x,
+        control=u,
+        dt=1.0,
+        horizon=steps,
+        P_err=P_err,
+        Qu=Qu,
+        Pu=found.gain.covariance,
+        rest=0.0,
+        P_rest=P_rest,
+        covariance_floor=0.0,
+    )
+    z = np.concatenate([x, u[drawn], u])
+    for _ in range(20):
+        u = controller.step(x, np.zeros(2)).control
+        x, z = plant.A @ x + plant.B @ u, found.Z @ z
+        np.testing.assert_allclose(np.concatenate([x, u[drawn], u]), z, atol=1e-9)
+
+
+def test_nothing_rests_elsewhere_and_no_covariance_grows_where_controls_are_drawn():
+    free = report(of_skydiver(load_scenario("fast_turn_unknown_dynamics"), 0.0))
+    drawn = report(of_skydiver(load_scenario("fast_turn_beyond_the_paper"), 0.0))
+    assert (free["states_of_rest"], drawn["states_of_rest"]) == (3, 0)
+    assert free["Pu_growth_per_step"] > 1e-3 > 1e-9 > drawn["Pu_growth_per_step"]
+    assert drawn["stable"]
+    assert drawn["measured_decay"] == pytest.approx(drawn["decay"], rel=2e-3)
 
 
 @pytest.mark.parametrize("steps", [1, 5, 20])
@@ -140,6 +179,7 @@ def test_the_verb_tells_all_in_json():
         (["--plant", "nothing"], "choose one of admire"),
         (["--plant", "admire", "--set", "controller.W0=0"], "neither --set nor --alpha"),
         (["--alpha", "40"], "take a smaller --alpha"),
+        (["--alpha", "0.2", "--set", "controller.P_rest_alpha=1"], "draws alpha to rest"),
     ],
 )
 def test_what_cannot_be_analysed_is_refused_in_one_sentence(arguments, words):

@@ -1,10 +1,11 @@
 """A linear plant x+ = A x + B u + f, y = C x, as UTC sees it: from the state to the output at the horizon."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
+from scipy.linalg import block_diag, expm
 
 Array = NDArray[np.float64]
 
@@ -17,6 +18,17 @@ class LinearPlant(NamedTuple):
     A: Array
     B: Array
     C: Array
+
+
+def with_outputs_of_controls(plant: LinearPlant, drawn: Sequence[int]) -> LinearPlant:
+    """The plant with these controls as further outputs, as those are that UTC draws to rest.
+
+    Each is a further state, w+ = D u, so that F of the horizon has nothing of it and H has D. A (n+d, n+d),
+    B (n+d, m), C (l+d, n+d) for d controls.
+    """
+    D = np.eye(plant.B.shape[1])[list(drawn)]
+    A = block_diag(plant.A, np.zeros((len(D), len(D))))
+    return LinearPlant(A, np.vstack([plant.B, D]), block_diag(plant.C, np.eye(len(D))))
 
 
 def zero_order_hold(A: Array, B: Array, dt: float) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from skydiver_utc.plant.model import build_model
 from skydiver_utc.plant.skydiver import RATE_AT
 from skydiver_utc.plant.steady import HeldBody, SteadyFall, steady_turn, straight_falls
 from skydiver_utc.simulation.linear_loop import fly_linear, measured_decay
-from skydiver_utc.theory.linear_plant import LinearPlant, zero_order_hold
+from skydiver_utc.theory.linear_plant import LinearPlant, with_outputs_of_controls, zero_order_hold
 from skydiver_utc.theory.stability import Stability, analyse
 from skydiver_utc.verbs.errors import VerbError
 from skydiver_utc.verbs.settings import load
@@ -84,14 +84,16 @@ def of_skydiver(scenario: Scenario, alpha: float) -> Tuned:
             f"{scenario.name} does not fly UTC with held controls, which is all that the theory covers:"
             " take fast_turn_unknown_dynamics"
         )
-    if any(parameters.P_rest):
+    if alpha and parameters.P_rest_alpha:
         raise VerbError(
-            f"{scenario.name} draws controls to rest, which the theory does not cover:"
-            " set every controller.P_rest_... to 0"
+            f"{scenario.name} draws alpha to rest, so that no turn is steady: set controller.P_rest_alpha to 0,"
+            " or leave --alpha out"
         )
+    drawn = np.flatnonzero(parameters.P_rest).tolist()
     model = build_model(scenario)
     fall = straight_falls(model)[0]
     control = np.array([scenario.initial.Cm_damp_yaw, 0.0, 0.0, 0.0])
+    control[drawn] = np.array(parameters.rest)[drawn]
     for angle in np.linspace(0.0, alpha, _TURN_STEPS + 1)[1:]:
         control[3] = angle
         turn = steady_turn(HeldBody(model, control), fall)
@@ -107,11 +109,11 @@ def of_skydiver(scenario: Scenario, alpha: float) -> Tuned:
     variances = [parameters.P_err, parameters.P_err_roll_rate, parameters.P_err_fall_rate]
     used = [i for i, variance in enumerate(variances) if variance > 0.0]
     return Tuned(
-        LinearPlant(A, B, _outputs(fall, tracked)[used]),
+        with_outputs_of_controls(LinearPlant(A, B, _outputs(fall, tracked)[used]), drawn),
         parameters.horizon_steps,
         scenario.dt_s,
         _definite(schedule.process_noise(preview), parameters.covariance_floor),
-        np.diag([variances[i] for i in used]),
+        np.diag([*(variances[i] for i in used), *(parameters.P_rest[i] for i in drawn)]),
         0.0,
         f"skydiver of {scenario.name}, {np.rad2deg(fall.yaw_rate):.1f} deg/s at alpha = {alpha:g} rad,"
         f" Cm_damp_yaw = {control[0]:g}",
