@@ -67,6 +67,12 @@ def messages_of(folder: Path) -> Iterator[tuple[str, int, int, bytes]]:
 
 
 @pytest.fixture
+def brief_repair(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What has not come with the outcome is waited for as briefly as a test can be certain of."""
+    monkeypatch.setattr(bag_recorder, "_REPAIR_S", 0.2)
+
+
+@pytest.fixture
 def stage(ros: Ros, tmp_path: Path) -> Stage:
     return Stage(ros, tmp_path / "bag")
 
@@ -92,6 +98,7 @@ def test_messages_are_kept_byte_for_byte_at_simulated_time(stage: Stage) -> None
     assert min(published) > 1_700_000_000_000_000_000
 
 
+@pytest.mark.usefixtures("brief_repair")
 def test_messages_without_a_stamp_get_the_newest_simulated_time_and_never_0(stage: Stage) -> None:
     stage.send(topics.SCENARIO, String(data="name: x"))
     stage.all_there()
@@ -157,6 +164,7 @@ def test_an_outcome_of_an_earlier_flight_neither_ends_it_nor_is_recorded(ros: Ro
         '{"outcome": "completed"}',
     ],
 )
+@pytest.mark.usefixtures("brief_repair")
 def test_a_text_that_is_no_outcome_is_refused_and_the_recording_goes_on(stage: Stage, text: str) -> None:
     stage.all_there()
     stage.send(topics.STATE, stage.write_state(0, STATE))
@@ -197,11 +205,11 @@ def test_an_outcome_of_another_number_of_states_is_refused_when_the_flight_goes_
     assert not stage.node.finished
 
 
+@pytest.mark.usefixtures("brief_repair")
 def test_an_outcome_of_another_number_of_states_counts_when_nothing_comes_any_more(
-    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ros: Ros, tmp_path: Path
 ) -> None:
     """The last states may have been lost."""
-    monkeypatch.setattr(bag_recorder, "_REPAIR_S", 0.2)
     stage = Stage(ros, tmp_path / "bag").all_there()
     stage.send(topics.STATE, stage.write_state(0, STATE))
     stage.send(topics.OUTCOME, String(data=json.dumps({"states": 9})))
