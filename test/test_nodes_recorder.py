@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -120,6 +121,26 @@ def test_a_message_whose_stamp_was_not_set_is_kept_and_counted(stage: Stage) -> 
     (message,) = stage.recorded()
     assert message[1] == stage.node.scenario.stamp_ns(0)
     assert stage.node.refusals.counts == {"stamp": 1}
+
+
+def test_its_diagnostics_have_the_newest_simulated_time(stage: Stage) -> None:
+    heard = stage.others.hear(topics.DIAGNOSTICS)
+    stage.all_there()
+    stage.send(topics.STATE, stage.write_state(9, STATE))
+
+    def steps() -> list[int]:
+        own = [message for message in heard if message.status[0].name == "skydiver/recorder"]
+        return [stage.grid.step_of(message.header.stamp) for message in own]
+
+    stage.ros.spin_until(lambda: 9 in steps())
+    assert set(steps()) <= {0, 9}
+
+
+def test_a_launch_waits_for_it_longer_than_it_waits_for_lost_messages() -> None:
+    folder = Path(__file__).resolve().parents[1] / "launch"
+    for path in folder.glob("*.launch.xml"):
+        values = {e.get("name"): e.get("value") for e in ElementTree.parse(path).getroot().iter("let")}
+        assert float(values["sigterm_timeout"] or 0) > bag_recorder._REPAIR_S, path.name
 
 
 def test_it_is_ready_only_when_it_hears_every_topic(stage: Stage) -> None:
