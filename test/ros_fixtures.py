@@ -5,6 +5,7 @@ PYTEST_DONT_REWRITE: tests import names from here before pytest loads it as a pl
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -196,7 +197,7 @@ class Processes:
             stderr=subprocess.STDOUT,
         )
         node = NodeProcess(process, log)
-        self._stack.callback(node.kill)
+        self._stack.callback(node.end, command)
         return node
 
 
@@ -241,6 +242,11 @@ class NodeProcess:
             assert ended is None, f"ended with {ended}, it printed:\n{self.output}"
             assert time.monotonic() < deadline, f"{text!r} was not printed:\n{self.output}"
             time.sleep(0.02)
+
+    def end(self, command: list[str]) -> None:
+        """Kill the process; what it printed stands in the report of a test that failed."""
+        self.kill()
+        print(f"{shlex.join(command[2:])}:\n{self.output}")
 
     def kill(self) -> None:
         """End the process for certain."""
