@@ -33,6 +33,7 @@ FLOWN = {
         run("fast_turn_unknown_dynamics_tuned"),
         run("fast_turn_pi_dynamics"),
         run("fast_turn_pi_dynamics_tuned"),
+        run("fast_turn_beyond_the_paper"),
     )
 }
 SLOW = (("reference.amplitude_deg_s", 180.0), ("reference.frequency_hz", 0.1))

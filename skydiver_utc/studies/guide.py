@@ -15,6 +15,14 @@ class Step(NamedTuple):
     flights: dict[str, Run]
 
 
+def _rest(damping: float, hands: float) -> tuple[tuple[str, float], ...]:
+    return (
+        ("controller.rest_Cm_damp_yaw", 0.3),
+        ("controller.P_rest_Cm_damp_yaw", damping),
+        ("controller.P_rest_hands", hands),
+    )
+
+
 STEPS = (
     Step(
         "1_weight",
@@ -79,6 +87,15 @@ STEPS = (
             "yaw rate alone, strong hands": run(PI, PRINTED_HANDS),
             "and roll rate": run("fast_turn_paper_hands", ("controller.P_err_fall_rate", 0.0)),
             "and roll and fall rate": run("fast_turn_paper_hands"),
+        },
+    ),
+    Step(
+        "8_rest",
+        "Rest: where controls go that the outputs do not see",
+        {
+            "not drawn": run(UNKNOWN),
+            "drawn to rest": run(UNKNOWN, *_rest(damping=0.05, hands=1.0)),
+            "P_rest / 100: too tight": run(UNKNOWN, *_rest(damping=0.0005, hands=0.01)),
         },
     ),
 )  # fmt: skip
