@@ -14,7 +14,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
 help:
 	@echo "make demo      fly SCENARIO ($(SCENARIO)) over ROS and record it below bags/"
-	@echo "make test      all tests; ARGS=... goes to pytest"
+	@echo "make test      all tests, on up to four cores; ARGS=... goes to pytest"
 	@echo "make kills     kill the recorder 20 times in flight, count what is recovered"
 	@echo "make lint      ruff and mypy"
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
@@ -33,7 +33,7 @@ demo: $(STAMP)
 	$(VENV)/bin/skydiver-utc run $(SCENARIO)
 
 test: $(STAMP)
-	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/pytest $(ARGS)
+	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/pytest -n auto --maxprocesses 4 --dist worksteal $(ARGS)
 
 kills: $(STAMP)
 	SKYDIVER_UTC_KILLS=20 $(VENV)/bin/pytest -q test/test_nodes_recovery.py $(ARGS)

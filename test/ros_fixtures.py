@@ -1,19 +1,17 @@
-"""ROS for tests: a domain of its own for each test, nodes of one process on one executor, node processes.
+"""ROS for tests: nodes of one process on one executor, node processes, each test on a domain of its own.
 
 PYTEST_DONT_REWRITE: tests import names from here before pytest loads it as a plugin.
 """
 
-import fcntl
 import json
 import os
+import shlex
 import signal
-import socket
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -30,15 +28,14 @@ from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.polled import Polled, take_all
 from skydiver_utc.nodes.topics import NAMESPACE, Topic
 
+pytest_plugins = ("ros_domains",)
+
 # The machine may stand still for seconds: a wait ends when its condition holds, this is only the far end.
 PATIENCE_S = 150.0
 SCENARIO = "fast_turn_unknown_dynamics"
 
 _DRAIN_S = 0.02
 _EVERY_MESSAGE = 10_000
-_DOMAINS = 101
-_FIRST_PORT = 7410
-_PORTS_PER_DOMAIN = 250
 
 
 def overrides(duration_s: float = 0.1, **others: object) -> dict[str, object]:
@@ -48,41 +45,6 @@ def overrides(duration_s: float = 0.1, **others: object) -> dict[str, object]:
         "duration_s": duration_s,
         **{n.replace("__", "."): v for n, v in others.items()},
     }
-
-
-@contextmanager
-def claimed_domain() -> Iterator[int]:
-    """A domain id that no other test of this machine holds and no node uses."""
-    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-    start = worker * 13 + os.getpid()
-    folder = Path(tempfile.gettempdir()) / f"skydiver_utc_test_domains_{os.getuid()}"
-    folder.mkdir(exist_ok=True)
-    for domain in ((start + i) % _DOMAINS + 1 for i in range(_DOMAINS)):
-        with (folder / str(domain)).open("w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                continue
-            if _port_is_free(_FIRST_PORT + _PORTS_PER_DOMAIN * domain):
-                yield domain
-                return
-    pytest.fail("all ROS domains of this machine are in use")
-
-
-def _port_is_free(port: int) -> bool:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(("", port))
-        except OSError:
-            return False
-        return True
-
-
-@pytest.fixture
-def domain() -> Iterator[int]:
-    """The domain id of one test."""
-    with claimed_domain() as claimed:
-        yield claimed
 
 
 class Ros:
@@ -235,7 +197,7 @@ class Processes:
             stderr=subprocess.STDOUT,
         )
         node = NodeProcess(process, log)
-        self._stack.callback(node.kill)
+        self._stack.callback(node.end, command)
         return node
 
 
@@ -280,6 +242,11 @@ class NodeProcess:
             assert ended is None, f"ended with {ended}, it printed:\n{self.output}"
             assert time.monotonic() < deadline, f"{text!r} was not printed:\n{self.output}"
             time.sleep(0.02)
+
+    def end(self, command: list[str]) -> None:
+        """Kill the process; what it printed stands in the report of a test that failed."""
+        self.kill()
+        print(f"{shlex.join(command[2:])}:\n{self.output}")
 
     def kill(self) -> None:
         """End the process for certain."""

@@ -4,6 +4,7 @@ from io import BytesIO
 from typing import Any
 
 import matplotlib
+import msgspec
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -12,6 +13,7 @@ from test_analysis_metrics import flight_of, scenario_of
 
 from skydiver_utc.analysis.figures import tracking_figure
 from skydiver_utc.analysis.style import png
+from skydiver_utc.parameters import RotationReference
 from skydiver_utc.simulation.flight import Flight
 from skydiver_utc.simulation.outcome import Outcome
 
@@ -63,6 +65,17 @@ def test_a_tumbling_body_does_not_press_the_reference_flat() -> None:
     figure = tracking_figure(flight_of(rates, outcome=Outcome.DIVERGED))
     assert figure.axes[0].get_ylim()[1] < 300.0
     assert "off the scale: up to 9900 deg/s" in texts(figure)
+
+
+def test_a_recording_that_lacks_the_beginning_says_so_and_starts_where_it_does() -> None:
+    rotation = RotationReference(angle_deg=180.0, start_s=1.0, duration_s=2.0)
+    whole = flight_of(100.0, 90.0, msgspec.structs.replace(scenario_of(), reference=rotation))
+    figure = tracking_figure(whole.since(30))
+    assert "recorded from 1.50 s on" in texts(figure)
+    assert "deg asked for" in texts(tracking_figure(whole))
+    assert "deg asked for" not in texts(figure)
+    assert figure.axes[-1].get_xlim() == pytest.approx((1.5, 4.0))
+    assert np.allclose(line(figure, 0, "flown").get_xdata(), 0.05 * np.arange(30, 81))
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,9 @@ import msgspec
 import numpy as np
 import pytest
 
+from skydiver_utc.analysis.labels import missing, rows
 from skydiver_utc.analysis.metrics import first_step_from, metrics, to_json
-from skydiver_utc.parameters import Scenario
+from skydiver_utc.parameters import RotationReference, Scenario
 from skydiver_utc.simulation.flight import Flight
 from skydiver_utc.simulation.outcome import Outcome
 
@@ -33,6 +34,8 @@ KEYS = [
     "facing",
     "facing_since_s",
     "min_dorsal_axis",
+    "missing_steps",
+    "begins_at_s",
     "parameter_changes",
 ]
 
@@ -132,6 +135,60 @@ def test_perfect_tracking() -> None:
     assert result["control_effort"] == 0.0
     assert result["min_dorsal_axis"] == 1.0
     assert (result["wall_time_s"], result["simulated_time_s"]) == (0.5, 4.0)
+
+
+def late_flight(first_step: int, *arguments: Any, **fields: Any) -> Flight:
+    """A flight of 80 steps whose recording lacks those before this one."""
+    flight = flight_of(*arguments, **fields)
+    return flight.since(first_step)
+
+
+def test_a_recording_of_the_rest_of_a_flight_is_measured_from_where_it_begins() -> None:
+    # 81 states at 0.05 s; step 40 is 2 s, step 60 is 3 s. Inside 5 % of 100 deg/s from step 70 on.
+    rate = np.full(81, 110.0)
+    rate[70:] = 103.0
+    early, late, settled = (metrics(late_flight(k, rate)) for k in (20, 60, 75))
+    whole = metrics(flight_of(rate))
+    assert (early["missing_steps"], early["begins_at_s"]) == (20, 1.0)
+    for name in ("rmse_deg_s", "max_abs_error_deg_s", "convergence_time_s", "simulated_time_s"):
+        assert early[name] == whole[name], name
+    assert late["rmse_deg_s"] == pytest.approx(math.sqrt((10 * 100 + 11 * 9) / 21))
+    assert late["convergence_time_s"] == pytest.approx(3.5)
+    assert settled["convergence_time_s"] == settled["begins_at_s"] == pytest.approx(3.75)
+    assert (settled["facing"], settled["facing_since_s"]) == ("belly to earth", pytest.approx(3.75))
+
+
+def test_a_flight_since_a_step_is_the_rest_of_it() -> None:
+    whole = flight_of(np.arange(81.0))
+    rest = whole.since(30)
+    assert rest.states.tolist() == whole.states[30:].tolist()
+    assert rest.time_s.tolist() == whole.time_s[30:].tolist()
+    assert rest.since(40).states.tolist() == whole.states[40:].tolist()
+    assert rest.since(40).first_step == 40
+
+
+def test_labels_say_from_when_on_and_what_is_missing() -> None:
+    rate = np.full(81, 110.0)
+    rate[70:] = 103.0
+    whole, late, settled = (metrics(late_flight(k, rate)) for k in (0, 60, 75))
+    labels = [row.label for row in rows(late)]
+    assert "RMSE from 3 s on" in labels
+    assert "inside 5 % for good from" in labels
+    assert "RMSE from 2 s on" in [row.label for row in rows(whole)]
+    assert "inside 5 % for good from (at the latest)" in [row.label for row in rows(settled)]
+    assert missing(late).startswith("steps 0 to 59 are not in the recording, it begins at 3.000 s")
+    assert missing(whole) == ""
+    assert not [row.label for row in rows(whole) if "latest" in row.label]
+
+
+def test_an_angle_turned_is_not_told_without_the_beginning() -> None:
+    rotation = RotationReference(angle_deg=180.0, start_s=1.0, duration_s=2.0)
+    rotating = msgspec.structs.replace(scenario_of(), reference=rotation)
+    whole, before, within = (metrics(late_flight(k, 100.0, 90.0, scenario=rotating)) for k in (0, 10, 30))
+    assert whole["angle_error_deg"] is not None
+    assert (before["angle_error_deg"], before["overshoot_deg"]) == (None, None)
+    assert before["rmse_rotating_deg_s"] == whole["rmse_rotating_deg_s"] == pytest.approx(10.0)
+    assert within["rmse_rotating_deg_s"] is None
 
 
 def test_statuses_are_counted_by_name() -> None:

@@ -25,7 +25,7 @@ TYPES = STORE.types
 CONTROLS = ["Cm_damp_yaw", "k_right", "k_left", "alpha"]
 STREAMS = ("state", "command", "applied_command", "reference/setpoint", "controller/telemetry")
 
-Message = tuple[str, str, int, Any]  # topic, type, step, message
+Message = tuple[str, str, int, Any]  # topic, type, step, message or its bytes
 Edit = Callable[[list[Message]], list[Message]]
 
 
@@ -135,7 +135,8 @@ def write_bag(
                 definition, type_hash = STORE.generate_msgdef(kind), STORE.hash_rihs01(kind)
                 channels[name] = bag.add_topic(name, kind, definition[0], type_hash, "")
             time_ns = flight.scenario.stamp_ns(k)
-            bag.write(channels[name], bytes(STORE.serialize_cdr(message, kind)), time_ns, time_ns)
+            cdr = message if isinstance(message, bytes) else bytes(STORE.serialize_cdr(message, kind))
+            bag.write(channels[name], cdr, time_ns, time_ns)
     return folder
 
 
@@ -200,6 +201,61 @@ def test_the_last_step_of_a_completed_flight_may_not_be_missing(tmp_path: Path) 
     folder = write_bag(tmp_path / "bag", flight_with_everything(), without("state", 80))
     with pytest.raises(AnalysisError, match="lacks 1 of 81 steps, the first is step 80"):
         read_flight(folder)
+
+
+def started_at(step: int) -> Edit:
+    """What a recorder hears that is started in flight: what is latched, and what is sent from this step on."""
+    return lambda messages: [m for m in messages if m[0] == "scenario" or m[2] >= step]
+
+
+def test_a_recorder_that_was_started_in_flight_gives_the_steps_from_there_on(tmp_path: Path) -> None:
+    flight = flight_with_everything()
+    back = read_flight(write_bag(tmp_path / "bag", flight, started_at(30)))
+    assert (back.first_step, len(back.states), len(back.commands)) == (30, 51, 50)
+    for name in ("states", "commands", "applied", "reference", "telemetry", "solve_time_s", "status"):
+        assert np.array_equal(getattr(back, name), getattr(flight, name)[30:]), name
+    assert back.time_s.tolist() == flight.time_s[30:].tolist()
+    assert back.outcome is Outcome.COMPLETED
+
+
+def test_the_first_step_is_the_first_that_every_topic_has(tmp_path: Path) -> None:
+    """The recorder heard the topics one after the other."""
+    flight = flight_with_everything()
+    heard = {"state": 10, "reference/setpoint": 12, "command": 14, "applied_command": 11}
+
+    def edit(messages: list[Message]) -> list[Message]:
+        return [m for m in messages if m[2] >= heard.get(m[0], 0)]
+
+    back = read_flight(write_bag(tmp_path / "bag", flight, edit))
+    assert back.first_step == 14
+    assert np.array_equal(back.commands, flight.commands[14:])
+
+
+def test_a_recording_of_the_middle_of_a_flight(tmp_path: Path) -> None:
+    flight = flight_with_everything()
+
+    def cut(messages: list[Message]) -> list[Message]:
+        return without("outcome")([m for m in started_at(30)(messages) if m[2] <= 50])
+
+    back = read_flight(write_bag(tmp_path / "bag", flight, cut))
+    assert (back.first_step, len(back.states)) == (30, 21)
+    assert back.reason == "the recording has no outcome, it ends after 50 of 80 steps"
+
+
+def test_a_gap_after_the_first_step_is_refused_by_its_place(tmp_path: Path) -> None:
+    def edit(messages: list[Message]) -> list[Message]:
+        return without("command", 40)(started_at(30)(messages))
+
+    folder = write_bag(tmp_path / "bag", flight_with_everything(), edit)
+    with pytest.raises(AnalysisError, match=r"command in .* lacks 1 of 50 steps, the first is step 40"):
+        read_flight(folder)
+
+
+def test_a_recording_without_any_state_is_refused(tmp_path: Path) -> None:
+    for number, ending in enumerate(({}, {"outcome": Outcome.ABORTED})):
+        folder = write_bag(tmp_path / str(number), flight_with_everything(**ending), without("state"))
+        with pytest.raises(AnalysisError, match=r"skydiver/state .* lacks"):
+            read_flight(folder)
 
 
 def test_a_setpoint_that_is_missing_is_in_the_preview(tmp_path: Path) -> None:
@@ -305,7 +361,18 @@ def test_a_message_sent_before_its_time_does_not_stand_for_the_flights_own(
 
 
 @pytest.mark.parametrize("topic", ["outcome", "scenario", "changes"])
-@pytest.mark.parametrize("content", ["hello", "", "[]", "{}", "\x00", '{"node": 1, "step": 1e999}'])
+@pytest.mark.parametrize(
+    "content",
+    [
+        *("hello", "", "[]", "{}", "\x00", '{"node": 1, "step": 1e999}'),
+        *("[" * 20_000, "a: 2001-99-99", "a: !!timestamp x", "a: &a [*a]", "a: " + "1" * 5000),
+        '{"node": "controller", "step": 3, "parameters": {"controller.nothing": 1}, "control": null}',
+        '{"node": "controller", "step": 3, "parameters": {"delay_steps": 1.5}, "control": null}',
+        '{"node": "controller", "step": 3, "parameters": {"delay_steps": -1}, "control": null}',
+        '{"node": "controller", "step": 3, "parameters": {}, "control": [1.0]}',
+    ],
+    ids=lambda text: text[:12],
+)
 def test_a_text_of_a_stranger_is_left_out(tmp_path: Path, topic: str, content: str) -> None:
     flight = flight_with_everything()
     kind = "std_msgs/msg/String"

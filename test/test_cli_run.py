@@ -25,10 +25,17 @@ from skydiver_utc.verbs.node_processes import NODE_CODE, PACKAGE_FOLDER
 from skydiver_utc.verbs.ros_environment import free_domain, node_environment
 from skydiver_utc.verbs.run import _whereabouts
 
+pytest_plugins = ("ros_domains",)
+
 needs_ros = pytest.mark.skipif(importlib.util.find_spec("rclpy") is None, reason="needs rclpy")
 
 
-def start(folder: Path, *options: str, **environment: str) -> "subprocess.Popen[str]":
+def on(domain: int) -> dict[str, str]:
+    """An environment with a domain that no other test has: `run` by itself would only see which ports are taken."""
+    return {**os.environ, "ROS_DOMAIN_ID": str(domain)}
+
+
+def start(folder: Path, domain: int, *options: str, **environment: str) -> "subprocess.Popen[str]":
     command = [
         sys.executable,
         "-m",
@@ -43,14 +50,14 @@ def start(folder: Path, *options: str, **environment: str) -> "subprocess.Popen[
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env={**os.environ, **environment},
+        env={**on(domain), **environment},
     )
 
 
 @needs_ros
-def test_a_flight_over_ros_is_the_simulated_one(tmp_path: Path) -> None:
+def test_a_flight_over_ros_is_the_simulated_one(tmp_path: Path, domain: int) -> None:
     folder = tmp_path / "bags" / "flight"
-    process = start(folder, "--set", "duration_s=1", "--json")
+    process = start(folder, domain, "--set", "duration_s=1", "--json")
     stdout, stderr = process.communicate(timeout=120)
     assert process.returncode == 0, stderr
     assert json.loads(stdout)["outcome"] == "completed"
@@ -63,7 +70,7 @@ def test_a_flight_over_ros_is_the_simulated_one(tmp_path: Path) -> None:
 
 
 @needs_ros
-def test_several_skydivers_fly_side_by_side(tmp_path: Path) -> None:
+def test_several_skydivers_fly_side_by_side(tmp_path: Path, domain: int) -> None:
     """One command; a run of its own for each, which `analyse` and `replay --check` take like any other."""
     command = [
         *(sys.executable, "-m", "skydiver_utc.cli"),
@@ -72,7 +79,9 @@ def test_several_skydivers_fly_side_by_side(tmp_path: Path) -> None:
         "turn_360_left",
     ]
     settings = ["--set", "duration_s=1", "--folder", str(tmp_path / "flight"), "--json"]
-    finished = subprocess.run([*command, *settings], capture_output=True, text=True, timeout=300)
+    finished = subprocess.run(
+        [*command, *settings], env=on(domain), capture_output=True, text=True, timeout=300
+    )
     assert finished.returncode == 0, finished.stderr
     told = json.loads(finished.stdout)
     assert list(told) == ["anna", "skydiver_2"]
@@ -122,9 +131,9 @@ def test_nodes_do_not_come_from_the_current_folder(tmp_path: Path) -> None:
 
 
 @needs_ros
-def test_ctrl_c_leaves_a_recording_that_can_be_analysed(tmp_path: Path) -> None:
+def test_ctrl_c_leaves_a_recording_that_can_be_analysed(tmp_path: Path, domain: int) -> None:
     folder = tmp_path / "flight"
-    process = start(folder, "--set", "duration_s=600")
+    process = start(folder, domain, "--set", "duration_s=600")
     recording = folder / "flight_0.mcap"
     deadline = time.monotonic() + 60
     while not recording.is_file() and time.monotonic() < deadline:
@@ -139,8 +148,8 @@ def test_ctrl_c_leaves_a_recording_that_can_be_analysed(tmp_path: Path) -> None:
 
 
 @needs_ros
-def test_a_node_that_fails_is_named(tmp_path: Path) -> None:
-    process = start(tmp_path / "flight", RMW_IMPLEMENTATION="rmw_of_nobody")
+def test_a_node_that_fails_is_named(tmp_path: Path, domain: int) -> None:
+    process = start(tmp_path / "flight", domain, RMW_IMPLEMENTATION="rmw_of_nobody")
     stdout, stderr = process.communicate(timeout=120)
     assert (process.returncode, stdout) == (1, "")
     assert " node failed (" in stderr
@@ -149,12 +158,15 @@ def test_a_node_that_fails_is_named(tmp_path: Path) -> None:
 
 @needs_ros
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
-def test_of_two_skydivers_the_one_whose_node_fails_is_named_and_both_recordings(tmp_path: Path) -> None:
+def test_of_two_skydivers_the_one_whose_node_fails_is_named_and_both_recordings(
+    tmp_path: Path, domain: int
+) -> None:
     process = subprocess.Popen(
         [
             *(sys.executable, "-m", "skydiver_utc.cli", "run", "a=turn_360_left", "b=turn_360_left"),
             *("--folder", str(tmp_path / "run"), "--set", "duration_s=600", "--quiet"),
         ],
+        env=on(domain),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -233,8 +245,7 @@ def test_the_libraries_of_another_environment_are_not_handed_on() -> None:
     assert "_ROS_WHEELS_BOOTSTRAP_COMPLETE" not in environment
 
 
-def test_a_domain_in_use_is_not_free(monkeypatch: pytest.MonkeyPatch) -> None:
-    domain = free_domain()
+def test_a_domain_in_use_is_not_free(monkeypatch: pytest.MonkeyPatch, domain: int) -> None:
     monkeypatch.setattr("skydiver_utc.verbs.ros_environment._DOMAINS", [domain])
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as node:
         node.bind(("", 7410 + 250 * domain))

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from ros_fixtures import claimed_domain
+from ros_domains import claimed_domain
 
 BENCHMARK = Path(__file__).resolve().parents[1] / "benchmarks" / "four_processes.py"
 

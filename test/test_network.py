@@ -69,8 +69,8 @@ def test_real_time_over_a_bad_network_stays_belly_to_earth(
     flight = read_flight(tmp_path / "bag")
     assert told["states"] == account["steps"] + 1 == flight.scenario.steps + 1
     assert sum(account[kind] for kind in ("on_time", "late", "stale", "lost")) == account["steps"]
-    # No answer can come within one step: the way there and back takes two.
-    assert account["on_time"] <= 2
+    # No answer can come within one step, the way there and back takes two: unless the machine held the plant up.
+    assert account["on_time"] <= 2 + account["late_steps"]
     assert account["late"] > 0
     assert belly_to_earth(flight)
 

@@ -22,7 +22,8 @@ class Stage:
 
     def __init__(self, ros: Ros, **parameters: object) -> None:
         self.ros = ros
-        self.node: ControllerNode = ros.add(ControllerNode(ros.context, overrides(**parameters)))
+        brief = {"rejoin_wait_s": 0.3}  # nobody here tells what is applied
+        self.node: ControllerNode = ros.add(ControllerNode(ros.context, overrides(**(brief | parameters))))
         self.scenario = self.node.scenario
         self.plant: Partner = ros.partner("plant")
         self.commands = self.plant.hear(topics.COMMAND)

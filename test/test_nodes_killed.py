@@ -147,7 +147,7 @@ def test_a_recorder_started_in_mid_flight_records_the_rest_without_a_gap(
     second = processes.start("recorder", overrides(600.0, bag_folder=tmp_path / "second"))
     second.wait_for_output("[skydiver.recorder]: ready")
     # Publishers may hear of a new listener only at its next announcement, seconds later.
-    heard_by_all = plant.reports()[-1]["step"] + 200 * 119
+    heard_by_all = plant.reports()[-1]["step"] + 100 * 119
     plant.wait_for_output(f'"step": {heard_by_all}')
     plant.signal(signal.SIGINT)
     assert (plant.wait(), second.wait()) == (0, 0)

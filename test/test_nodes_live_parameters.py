@@ -17,6 +17,7 @@ from rcl_interfaces.srv import (
 )
 from rclpy.parameter import Parameter
 from ros_fixtures import Processes, Ros, overrides
+from std_msgs.msg import String
 from test_nodes_flight import Bag
 from test_nodes_lifecycle import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, Manager, Stage
 
@@ -24,7 +25,7 @@ from skydiver_utc.analysis.recorded_flight import read_flight
 from skydiver_utc.cli import main
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.lockstep_controller import ControllerNode
-from skydiver_utc.parameters import Scenario, leaves, load_scenario, override
+from skydiver_utc.parameters import Scenario, leaves, load_scenario, override, to_yaml
 from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
 from skydiver_utc.simulation.closed_loop import simulate
 
@@ -138,6 +139,67 @@ def test_parameters_given_to_one_node_at_the_start_are_recorded(
     if "plant.hands.K_N" not in given:  # then only the controller's model has other hands
         assert bag.states().tobytes() == flown.states.tobytes()
     assert check(tmp_path / "bag")["equal"]
+
+
+def test_a_delay_that_is_compensated_is_recorded_told_and_asked_again(ros: Ros, tmp_path: Path) -> None:
+    """It is a parameter of the controller's node and of no scenario."""
+    stage = Stage(ros, 0.4, wait_for_recorder=True)
+    stage.add("controller", delay_steps=2)
+    stage.add("reference")
+    stage.add("plant", command_timeout_s=50.0)
+    stage.given.pop("wait_for_recorder")
+    recorder = stage.add("recorder", bag_folder=str(tmp_path / "bag"))
+    ros.spin_until(lambda: recorder.finished and not recorder.missing())
+    assert recorder.close() == 0
+    bag = Bag(tmp_path / "bag")
+    told = [json.loads(message.data) for message in bag.of(topics.CHANGES)]
+    assert told == [{"node": "controller", "step": 0, "parameters": {"delay_steps": 2}, "control": None}]
+    plain = simulate(load_scenario(SCENARIO, {"duration_s": 0.4}))
+    assert bag.controls(topics.COMMAND).tobytes() != plain.commands.tobytes()
+    assert check(tmp_path / "bag")["equal"]
+    result = CliRunner().invoke(main, ["analyse", str(tmp_path / "bag")])
+    assert "controller from 0.000 s on" in result.output
+    assert "delay_steps = 2" in result.output
+    assert "delay_steps = 2" in (tmp_path / "bag" / "report.html").read_text()
+
+
+@pytest.mark.parametrize("in_flight", [False, True], ids=["before the flight", "in flight"])
+def test_a_scenario_of_a_stranger_is_refused_and_changes_no_record(ros: Ros, in_flight: bool) -> None:
+    """A readable one; who the plant is tells the roll call."""
+    stage = Stage(ros, 600.0)
+    stranger = ros.partner("stranger")
+    changes, sender = stranger.hear(topics.CHANGES), stranger.sends(topics.SCENARIO)
+    text = to_yaml(load_scenario(SCENARIO, {"controller.P_err": 9e-4, "reference.amplitude_deg_s": 30.0}))
+    listeners = [stage.add(kind) for kind in ("controller", "reference")]
+    ros.spin_until(lambda: sender.get_subscription_count() == 2)
+    if not in_flight:
+        sender.publish(String(data=text))
+        ros.spin_for(0.3)
+    plant = stage.add("plant", command_timeout_s=50.0)
+    ros.spin_until(lambda: plant.k > 30)
+    sender.publish(String(data=text))
+    ros.spin_until(lambda: all(node.refusals.counts["stranger"] == 1 for node in listeners))
+    before = plant.k
+    ros.spin_until(lambda: plant.k > before + 100)
+    assert changes == []
+    assert not any(node.differs for node in listeners)
+
+
+def test_the_scenario_of_the_plant_that_comes_after_one_that_died_counts(ros: Ros) -> None:
+    stage = Stage(ros, 600.0)
+    changes = ros.partner("listener").hear(topics.CHANGES)
+    controller = stage.add("controller")
+    stage.add("reference")
+    first = stage.add("plant", command_timeout_s=50.0)
+    ros.spin_until(lambda: first.k > 30)
+    assert changes == []
+    ros.remove(first)
+    second = stage.add("plant", command_timeout_s=50.0, **{"plant.limits.k_left": [-0.5, 0.5]})
+    ros.spin_until(lambda: second.k > 30 and changes)
+    differs = {"plant.limits.k_left": list(controller.scenario.plant.limits.k_left)}
+    record = {"node": "controller", "step": 0, "parameters": differs, "control": None}
+    assert all(json.loads(message.data) == record for message in changes)
+    assert controller.differs == differs
 
 
 def test_a_controller_that_changed_in_flight_is_checked_bit_for_bit(ros: Ros, tmp_path: Path) -> None:

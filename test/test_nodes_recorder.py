@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -67,6 +68,12 @@ def messages_of(folder: Path) -> Iterator[tuple[str, int, int, bytes]]:
 
 
 @pytest.fixture
+def brief_repair(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What has not come with the outcome is waited for as briefly as a test can be certain of."""
+    monkeypatch.setattr(bag_recorder, "_REPAIR_S", 0.2)
+
+
+@pytest.fixture
 def stage(ros: Ros, tmp_path: Path) -> Stage:
     return Stage(ros, tmp_path / "bag")
 
@@ -92,6 +99,7 @@ def test_messages_are_kept_byte_for_byte_at_simulated_time(stage: Stage) -> None
     assert min(published) > 1_700_000_000_000_000_000
 
 
+@pytest.mark.usefixtures("brief_repair")
 def test_messages_without_a_stamp_get_the_newest_simulated_time_and_never_0(stage: Stage) -> None:
     stage.send(topics.SCENARIO, String(data="name: x"))
     stage.all_there()
@@ -113,6 +121,26 @@ def test_a_message_whose_stamp_was_not_set_is_kept_and_counted(stage: Stage) -> 
     (message,) = stage.recorded()
     assert message[1] == stage.node.scenario.stamp_ns(0)
     assert stage.node.refusals.counts == {"stamp": 1}
+
+
+def test_its_diagnostics_have_the_newest_simulated_time(stage: Stage) -> None:
+    heard = stage.others.hear(topics.DIAGNOSTICS)
+    stage.all_there()
+    stage.send(topics.STATE, stage.write_state(9, STATE))
+
+    def steps() -> list[int]:
+        own = [message for message in heard if message.status[0].name == "skydiver/recorder"]
+        return [stage.grid.step_of(message.header.stamp) for message in own]
+
+    stage.ros.spin_until(lambda: 9 in steps())
+    assert set(steps()) <= {0, 9}
+
+
+def test_a_launch_waits_for_it_longer_than_it_waits_for_lost_messages() -> None:
+    folder = Path(__file__).resolve().parents[1] / "launch"
+    for path in folder.glob("*.launch.xml"):
+        values = {e.get("name"): e.get("value") for e in ElementTree.parse(path).getroot().iter("let")}
+        assert float(values["sigterm_timeout"] or 0) > bag_recorder._REPAIR_S, path.name
 
 
 def test_it_is_ready_only_when_it_hears_every_topic(stage: Stage) -> None:
@@ -157,6 +185,7 @@ def test_an_outcome_of_an_earlier_flight_neither_ends_it_nor_is_recorded(ros: Ro
         '{"outcome": "completed"}',
     ],
 )
+@pytest.mark.usefixtures("brief_repair")
 def test_a_text_that_is_no_outcome_is_refused_and_the_recording_goes_on(stage: Stage, text: str) -> None:
     stage.all_there()
     stage.send(topics.STATE, stage.write_state(0, STATE))
@@ -197,11 +226,11 @@ def test_an_outcome_of_another_number_of_states_is_refused_when_the_flight_goes_
     assert not stage.node.finished
 
 
+@pytest.mark.usefixtures("brief_repair")
 def test_an_outcome_of_another_number_of_states_counts_when_nothing_comes_any_more(
-    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ros: Ros, tmp_path: Path
 ) -> None:
     """The last states may have been lost."""
-    monkeypatch.setattr(bag_recorder, "_REPAIR_S", 0.2)
     stage = Stage(ros, tmp_path / "bag").all_there()
     stage.send(topics.STATE, stage.write_state(0, STATE))
     stage.send(topics.OUTCOME, String(data=json.dumps({"states": 9})))

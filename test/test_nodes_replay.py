@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner
 from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
 from ros_fixtures import Partner, Ros, overrides
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
@@ -25,11 +27,12 @@ from skydiver_utc.nodes.bag_recorder import RecorderNode
 from skydiver_utc.nodes.lockstep_controller import ControllerNode
 from skydiver_utc.nodes.lockstep_plant import PlantNode
 from skydiver_utc.nodes.preview_publisher import ReferenceNode
-from skydiver_utc.nodes.topics import RECORDED, Topic
+from skydiver_utc.nodes.topics import RECORDED, Topic, rosbag2_qos
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.playback import Item, in_order
 from skydiver_utc.recording.reader import read_bag
+from skydiver_utc.recording.schemas import message_schema
 from skydiver_utc.recording.writer import BagWriter
 
 pytest_plugins = ("ros_fixtures",)
@@ -195,6 +198,43 @@ def test_a_recording_without_a_clock_gets_one(ros: Ros, tmp_path: Path) -> None:
     node = player(ros, text_bag(tmp_path / "bag"))
     ros.spin_until(lambda: node.finished and len(clocks) == 3)
     assert [clock.clock.nanosec for clock in clocks] == [0, 10_000_000, 20_000_000]
+
+
+def spoilt(folder: Path) -> Path:
+    """On every recorded topic a whole message between bytes that are none."""
+    with BagWriter(folder) as bag:
+        for number, topic in enumerate(RECORDED):
+            name = topic.name if topic.name.startswith("/") else f"/skydiver/{topic.name}"
+            offered = yaml.safe_dump([rosbag2_qos(topic.qos)])
+            channel = bag.add_topic(name, *message_schema(topic.type_name), offered)
+            whole = bytes(serialize_message(topic.type()))
+            for k, data in enumerate((b"", whole, b"\x00\x01\x00\x00" + b"\xff" * 1000)):
+                bag.write(channel, data, 10**18 + k * 10**8 + number, 1)
+    return folder
+
+
+def test_bytes_that_are_no_message_are_played_or_counted(ros: Ros, tmp_path: Path) -> None:
+    """The middleware does not take more bytes than a type of fixed length can have."""
+    run = spoilt(tmp_path / "run")
+    audience = Audience(ros)
+    node = player(ros, run)
+    ros.spin_until(lambda: node.finished)
+    recorded = {name: topic.cdr for name, topic in read_bag(run).items()}
+    clocks = recorded.pop("/clock")
+    ros.spin_until(lambda: audience.count >= 3 * len(recorded) + 2)
+    ros.spin_for(0.2)
+    assert audience.heard == recorded | {"/clock": clocks[:2]}
+    assert node.not_sent == {"/clock": 1}
+    assert node.close() == 0
+
+
+def test_the_verb_tells_what_could_not_be_sent(domain: int, tmp_path: Path) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-m", "skydiver_utc.cli", "replay", str(spoilt(tmp_path / "run"))],
+        env={**os.environ, "ROS_DOMAIN_ID": str(domain)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stderr.splitlines()[-1].endswith("no messages of their topic's type: 1 on /clock")
 
 
 @pytest.mark.parametrize(

@@ -3,9 +3,11 @@
 import ast
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
+import types
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -15,6 +17,7 @@ from xml.etree import ElementTree
 import pytest
 
 from skydiver_utc.nodes.node_parameters import OWN_PARAMETERS
+from skydiver_utc.nodes.process import _REFUSED
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "skydiver_utc"
@@ -156,7 +159,12 @@ def test_console_scripts_lead_to_functions(setup_arguments: dict[str, Any]) -> N
         assert function in names, f"{target} does not exist"
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "launch").iterdir()), ids=lambda path: path.name)
+LAUNCH_FILES = pytest.mark.parametrize(
+    "path", sorted((ROOT / "launch").glob("*.launch.xml")), ids=lambda path: path.name
+)
+
+
+@LAUNCH_FILES
 def test_launch_files_start_nodes_that_exist_with_parameters_that_exist(path: Path) -> None:
     nodes = list(ElementTree.parse(path).getroot().iter("node"))
     assert nodes
@@ -170,7 +178,50 @@ def test_launch_files_start_nodes_that_exist_with_parameters_that_exist(path: Pa
             assert given["mode"] == "$(var mode)"
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "launch").iterdir()), ids=lambda path: path.name)
+@LAUNCH_FILES
+def test_every_recorder_is_that_of_the_launch_file_for_one(path: Path) -> None:
+    root = ElementTree.parse(path).getroot()
+    plants = [node for node in root.iter("node") if node.get("exec") == "plant_node"]
+    recorders = list(root.iter("include"))
+    assert "recorder_node" not in {node.get("exec") for node in root.iter("node")}
+    assert len(recorders) == len(plants) > 0
+    for recorder in recorders:
+        assert recorder.get("file") == "$(dirname)/recorder.launch.py"
+        assert {argument.get("name") for argument in recorder.iter("arg")} == {"scenario", "bag_folder"}
+
+
+def test_a_recorder_that_cannot_begin_ends_the_launch_and_no_other_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With stand-ins for the launch system, which PyPI does not have."""
+
+    def noted(kind: str) -> Any:
+        return lambda *arguments, **named: (kind, arguments, named)
+
+    stand_ins = {
+        "launch": {"LaunchDescription": list},
+        "launch.actions": {n: noted(n) for n in ("DeclareLaunchArgument", "Shutdown")},
+        "launch.substitutions": {"LaunchConfiguration": noted("LaunchConfiguration")},
+        "launch_ros": {},
+        "launch_ros.actions": {"Node": noted("Node")},
+        "launch_ros.parameter_descriptions": {"ParameterValue": noted("ParameterValue")},
+    }
+    for name, content in stand_ins.items():
+        module = types.ModuleType(name)
+        vars(module).update(content)
+        monkeypatch.setitem(sys.modules, name, module)
+    described = runpy.run_path(str(ROOT / "launch" / "recorder.launch.py"))
+    *arguments, (kind, _, node) = described["generate_launch_description"]()
+    assert (kind, node["package"], node["executable"]) == ("Node", "skydiver_utc", "recorder_node")
+    (given,) = node["parameters"]
+    assert [names[0] for _, names, _ in arguments] == list(given) == ["scenario", "bag_folder"]
+    assert set(given) <= {leaf.name for leaf in OWN_PARAMETERS["recorder"]}
+    for code, ends in ((0, False), (1, False), (-9, False), (_REFUSED, True)):
+        follows = node["on_exit"](types.SimpleNamespace(returncode=code), None)
+        assert [kind for kind, *_ in follows] == ["Shutdown"] * ends
+
+
+@LAUNCH_FILES
 def test_a_launch_file_may_be_launched_twice_and_flies_in_lockstep_unless_told_otherwise(path: Path) -> None:
     arguments = {a.get("name"): a.get("default") for a in ElementTree.parse(path).getroot().iter("arg")}
     assert arguments["mode"] == "lockstep"

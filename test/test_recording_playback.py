@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from skydiver_utc.recording.errors import RecordingError
-from skydiver_utc.recording.playback import Playback
+from skydiver_utc.recording.playback import Playback, in_order
+from skydiver_utc.recording.reader import RecordedTopic
 
 START_NS = 1_700_000_000_000_000_000
 TIMES_NS = START_NS + 100_000_000 * np.array([0, 0, 1, 2, 3, 3, 10])  # 0 to 1 s
@@ -76,3 +77,25 @@ def test_impossible_rates(rate: float) -> None:
 def test_impossible_starts(start_s: float) -> None:
     with pytest.raises(RecordingError, match="cannot begin"):
         Playback(TIMES_NS, 1.0, start_s, False)
+
+
+def topic(name: str, *times_ns: int) -> RecordedTopic:
+    times = np.array(times_ns, dtype=np.int64)
+    return RecordedTopic(name, "", [name.encode()] * len(times), times, times, frozenset())
+
+
+def test_what_a_late_recorder_found_latched_comes_with_the_first_clock() -> None:
+    """It is logged at the flight's beginning: nobody waits for the steps that were not recorded."""
+    topics = {
+        t.name: t for t in (topic("/a/scenario", 0), topic("/clock", 500, 600), topic("/a/state", 500, 600))
+    }
+    order = [(item.topic, item.log_time_ns) for item in in_order(topics)]
+    assert order == [
+        ("/a/scenario", 500),
+        ("/clock", 500),
+        ("/a/state", 500),
+        ("/clock", 600),
+        ("/a/state", 600),
+    ]
+    without_clock = in_order({"/a/scenario": topics["/a/scenario"], "/a/state": topics["/a/state"]})
+    assert [item.log_time_ns for item in without_clock] == [0, 500, 600]

@@ -283,7 +283,7 @@ def test_only_wanted_topics(bag):
 
 def test_decoded_once_and_only_on_demand(bag):
     topic = read_bag(bag)["/clock"]
-    assert "messages" not in vars(topic)
+    assert "_decoded" not in vars(topic)
     assert topic.messages is topic.messages
 
 
@@ -383,6 +383,22 @@ def test_definition_that_does_not_fit(tmp_path):
         ) as error:
             read_bag(path, ["/other"])["/other"].messages  # noqa: B018
         assert error.value.__cause__ is not None
+
+
+def test_bytes_that_are_no_message_do_not_hide_the_others(tmp_path):
+    with BagWriter(tmp_path / "bag") as bag:
+        channel = bag.add_topic("/joints", *message_schema("sensor_msgs/msg/JointState"), "")
+        whole = serialization.serialize_message(JointState(name=["a"], position=doubles([1.5])))
+        for cdr in (b"", whole, b"\x00\x01\x00\x00" + b"\xff" * 40, whole[:11], whole):
+            bag.write(channel, cdr, 1, 1)
+    topic = read_bag(tmp_path / "bag")["/joints"]
+    names = [message and list(message.name) for message in topic.readable]
+    assert names == [None, ["a"], None, None, ["a"]]
+    with pytest.raises(
+        RecordingError, match="do not fit the definition of sensor_msgs/msg/JointState"
+    ) as error:
+        topic.messages  # noqa: B018
+    assert error.value.__cause__ is not None
 
 
 def split_bag(folder: Path) -> Path:

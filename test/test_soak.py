@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ros_fixtures import claimed_domain
+from ros_domains import claimed_domain
 from soak_bars import bars
 
 SOAK = Path(__file__).resolve().parents[1] / "benchmarks" / "soak.py"

@@ -22,7 +22,7 @@ def check_figure(found: Check, asked: str) -> Figure:
             axes.yaxis.set_label_coords(-0.085, 0.5)
         rows[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.0)
         rows[-1].set_xlabel("time [s]")
-        rows[-1].set_xlim(0.0, float(flight.time_s[-1]))
+        rows[-1].set_xlim(float(flight.time_s[0]), float(flight.time_s[-1]))
         figure.text(0.02, 0.975, f"What {asked} would have done", fontsize=13, fontweight="bold", va="top")
         text = f"at the states of the recorded flight of {flight.scenario.name}"
         figure.text(0.02, 0.935, text, va="top", color=GREY)

@@ -12,7 +12,7 @@ from skydiver_utc.analysis.recorded_flight import CONTROL_NAMES, RecordedFlight
 from skydiver_utc.parameters import Scenario, override
 from skydiver_utc.simulation.asked_again import Stretch, decide_again
 from skydiver_utc.simulation.build import build_controller, build_reference
-from skydiver_utc.simulation.flight import Flight
+from skydiver_utc.simulation.flight import Flight, ParameterChange
 
 SCHEMA_VERSION = 1
 _CONTROLLER = "controller"
@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """The recorded flight and the answers of the controller that was asked, commands (K, 4).
+    """The recorded flight, as far as it was checked, and the answers of the controller asked, commands (K, 4).
 
     `reference_added` counts the steps of the reference that no recorded preview covers, at the end of the flight:
     there the recorded scenario's own reference stands in. In real time a step without an answer has the command
@@ -48,7 +48,7 @@ class Check:
 
     @property
     def first_difference(self) -> tuple[int, int] | None:
-        """Step and control of the first difference, None without any."""
+        """Row and control of the first difference, None without any."""
         places = np.argwhere(self.differs)
         return (int(places[0, 0]), int(places[0, 1])) if len(places) else None
 
@@ -59,8 +59,11 @@ def check(recording: RecordedFlight, instead: Callable[[Scenario], Scenario] = l
     The states are those of the recorded flight, whatever the answers: another controller is asked what it would
     have done at each of them, it does not fly. Its memory, from the first step on, is its own; where the recorded
     controller began anew in flight, with other parameters or as another process, so does the one that is asked.
+
+    A recording that lacks the beginning of the flight is checked from where the recorded controller began anew,
+    the first place where its memory is known; `AnalysisError` where it never did.
     """
-    flight = recording.flight()
+    flight = _with_known_memory(recording.flight())
     if len(flight.commands) == 0:
         raise AnalysisError(
             "the recording has no whole step, so there is nothing to check: record the flight again"
@@ -72,21 +75,47 @@ def check(recording: RecordedFlight, instead: Callable[[Scenario], Scenario] = l
     return Check(flight, commands, added, recording.in_real_time())
 
 
+def _with_known_memory(flight: Flight) -> Flight:
+    """From the first step on at which the controller's memory is known: step 0, or where it began anew."""
+    if flight.first_step == 0:
+        return flight
+    begins = [change.step for change in _beginnings(flight)]
+    if not begins:
+        raise AnalysisError(
+            f"the recording begins at step {flight.first_step}, and what the controller remembered there is not"
+            " known, so its answers cannot be checked: give a recording from step 0 on, or one in which the"
+            " controller began anew"
+        )
+    return flight.since(begins[0])
+
+
+def _beginnings(flight: Flight) -> list[ParameterChange]:
+    """Where the recorded controller began, with other parameters or anew, in the order of the steps."""
+    end = flight.first_step + len(flight.commands)
+    return [
+        change
+        for change in flight.changes
+        if change.node == _CONTROLLER and flight.first_step <= change.step < end
+    ]
+
+
 def _stretches(flight: Flight, instead: Callable[[Scenario], Scenario]) -> list[Stretch]:
-    """The controllers of the flight, from the first step of each on."""
-    changes = [change for change in flight.changes if change.node == _CONTROLLER]
-    begins = {0: Stretch(0, build_controller(instead(flight.scenario)), None)}
-    for change in changes:
-        if change.step < len(flight.commands):
-            controller = build_controller(instead(override(flight.scenario, change.parameters)))
-            control = None if change.control is None else np.array(change.control)
-            begins[change.step] = Stretch(change.step, controller, control)
+    """The controllers of the flight, from the first row of each on."""
+    begins = {}
+    if flight.first_step == 0:
+        begins[0] = Stretch(0, build_controller(instead(flight.scenario)), None)
+    for change in _beginnings(flight):
+        scenario = instead(override(flight.scenario, change.of_scenario))
+        controller = build_controller(scenario, change.delay_steps)
+        control = None if change.control is None else np.array(change.control)
+        row = change.step - flight.first_step
+        begins[row] = Stretch(row, controller, control)
     return list(begins.values())
 
 
 def report(found: Check) -> dict[str, Any]:
     """The result as plain data, in the order in which it is printed."""
-    dt_s = found.flight.scenario.dt_s
+    time_s = found.flight.time_s
     error = found.commands - found.flight.commands
     first = found.first_difference
     return {
@@ -94,12 +123,13 @@ def report(found: Check) -> dict[str, Any]:
         "scenario": found.flight.scenario.name,
         "in_real_time": found.in_real_time,
         "equal": found.equal,
+        "first_step": found.flight.first_step,
         "steps": len(error),
         "different_steps": int(found.differs.any(axis=1).sum()),
         "first_difference": first
         and {
-            "step": first[0],
-            "time_s": first[0] * dt_s,
+            "step": found.flight.first_step + first[0],
+            "time_s": float(time_s[first[0]]),
             "control": CONTROL_NAMES[first[1]],
             "recorded": float(found.flight.commands[first]),
             "answer": float(found.commands[first]),
@@ -108,7 +138,7 @@ def report(found: Check) -> dict[str, Any]:
             name: {
                 "rms": float(np.sqrt(np.mean(np.square(error[:, j])))),
                 "largest": float(np.max(np.abs(error[:, j]))),
-                "largest_at_s": int(np.argmax(np.abs(error[:, j]))) * dt_s,
+                "largest_at_s": float(time_s[np.argmax(np.abs(error[:, j]))]),
             }
             for j, name in enumerate(CONTROL_NAMES)
         },
@@ -118,10 +148,11 @@ def report(found: Check) -> dict[str, Any]:
 
 def _reference(recording: RecordedFlight, flight: Flight, ahead: int) -> tuple[Floats, int]:
     """Reference (K + ahead,): previews, then setpoints, then the scenario's own; and how many of the last."""
-    values = recording.previews(len(flight.commands) + ahead)
-    known = min(len(values), len(flight.reference))
+    first, count = flight.first_step, len(flight.commands) + ahead
+    values = recording.previews(first + count)[first:]
+    known = min(count, len(flight.reference))
     values[:known] = np.where(np.isnan(values[:known]), flight.reference[:known], values[:known])
     missing = np.isnan(values)
     if missing.any():
-        values[missing] = build_reference(flight.scenario).preview(0, len(values))[missing]
+        values[missing] = build_reference(flight.scenario).preview(first, count)[missing]
     return values, int(missing.sum())

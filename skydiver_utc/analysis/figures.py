@@ -10,12 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from skydiver_utc.analysis.labels import at_the_latest
 from skydiver_utc.analysis.metrics import (
     CONVERGED_SHARE,
     SETTLING_S,
     angle_turned_deg,
-    first_step_from,
     metrics,
+    row_from,
     tracking_error_deg_s,
 )
 from skydiver_utc.analysis.style import (
@@ -72,7 +73,8 @@ def tracking_figure(flight: Flight) -> Figure:
             draw(axes)
         rows[controls].legend(loc="lower right", bbox_to_anchor=(1.0, 0.96), ncols=2, borderaxespad=0.0)
         rows[-1].set_xlabel("time [s]")
-        rows[-1].set_xlim(0.0, max(float(flight.time_s[-1]), flight.scenario.dt_s))
+        begin, end = float(flight.time_s[0]), float(flight.time_s[-1])
+        rows[-1].set_xlim(begin, max(end, begin + flight.scenario.dt_s))
         for axes in rows:
             axes.yaxis.set_label_coords(-0.085, 0.5)
         figure.subplots_adjust(left=0.13, right=0.975, bottom=0.05, top=0.905)
@@ -87,12 +89,14 @@ def _draw_title(figure: Figure, flight: Flight, values: dict[str, Any]) -> None:
         facts.append(f"RMSE {short(values['rmse_deg_s'])} deg/s")
         facts.append(f"largest error {short(values['max_abs_error_deg_s'])} deg/s")
     if values["convergence_time_s"] is not None:
-        facts.append(f"inside 5 % from {values['convergence_time_s']:.2f} s on")
+        in_doubt = at_the_latest(values, "convergence_time_s")
+        facts.append(f"inside 5 % from {values['convergence_time_s']:.2f} s on{in_doubt}")
     fine = flight.outcome is Outcome.COMPLETED
     figure.text(0.02, 0.960, "   |   ".join(facts), va="top", color=GREY if fine else VERMILLION)
-    if not fine:
-        reason = textwrap.shorten(flight.reason, width=105, placeholder=" ...")
-        figure.text(0.02, 0.941, reason, va="top", fontsize=8.5, color=VERMILLION)
+    lacks = f"recorded from {values['begins_at_s']:.2f} s on" if values["missing_steps"] else ""
+    remarks = "; ".join(filter(None, (lacks, "" if fine else flight.reason)))
+    shortened = textwrap.shorten(remarks, width=105, placeholder=" ...")
+    figure.text(0.02, 0.941, shortened, va="top", fontsize=8.5, color=VERMILLION)
 
 
 def _draw_rate(axes: Axes, flight: Flight) -> None:
@@ -116,7 +120,7 @@ def _draw_angle(axes: Axes, flight: Flight) -> None:
     """The angle turned, with the one asked for and how far the end is from it."""
     reference = flight.scenario.reference
     turned = angle_turned_deg(flight)
-    if isinstance(reference, RotationReference):
+    if isinstance(reference, RotationReference) and flight.first_step == 0:
         wanted = reference.angle_deg
         axes.axhline(wanted, color=ORANGE, linewidth=4.5, alpha=0.75)
         axes.text(
@@ -131,7 +135,7 @@ def _draw_error(
     axes: Axes, flight: Flight, error: NDArray[np.float64], convergence_time_s: float | None
 ) -> None:
     band = CONVERGED_SHARE * flight.scenario.reference.amplitude_or_level_deg_s
-    start = first_step_from(SETTLING_S, flight.scenario)
+    start = row_from(SETTLING_S, flight)
     settled = error[start:] if start < len(error) else error
     reach = max(1.15 * _largest(settled), 1.4 * band, 1e-3)
     reach = min(reach, _room(flight))
@@ -142,7 +146,7 @@ def _draw_error(
             ha="right", va="bottom", fontsize=8.0, color="#00694D",
         )  # fmt: skip
     axes.plot(flight.time_s, error, color=VERMILLION, linewidth=1.1)
-    if convergence_time_s is not None and convergence_time_s > 0.0:
+    if convergence_time_s is not None and convergence_time_s > flight.time_s[0] + 0.5 * flight.scenario.dt_s:
         axes.axvline(convergence_time_s, color=GREEN, linewidth=1.2, linestyle=(0, (4, 2)))
     axes.set_ylim(-reach, reach)
     axes.set_ylabel("error\n[deg/s]")
@@ -173,7 +177,7 @@ def _draw_control(axes: Axes, flight: Flight, j: int) -> None:
 
 def _shade_settling(axes: Axes, flight: Flight) -> None:
     """Grey out the seconds that RMSE and largest error leave out."""
-    if flight.time_s[-1] > SETTLING_S:
+    if flight.time_s[0] < SETTLING_S < flight.time_s[-1]:
         axes.axvspan(0.0, SETTLING_S, color=PALE, alpha=0.6, linewidth=0.0, zorder=0, label="not in the RMSE")
 
 

@@ -2,11 +2,14 @@
 
 from typing import Any, NamedTuple
 
+from skydiver_utc.analysis.metrics import SETTLING_S
+
+# In a label SINCE is the time from which on the errors count.
 _ROWS = (
-    ("rmse_deg_s", "RMSE from 2 s on", "deg/s", ".2f"),
-    ("max_abs_error_deg_s", "largest error from 2 s on", "deg/s", ".2f"),
+    ("rmse_deg_s", "RMSE from SINCE on", "deg/s", ".2f"),
+    ("max_abs_error_deg_s", "largest error from SINCE on", "deg/s", ".2f"),
     ("convergence_time_s", "inside 5 % for good from", "s", ".2f"),
-    ("peak_yaw_rate_deg_s", "peak yaw rate from 2 s on", "deg/s", ".1f"),
+    ("peak_yaw_rate_deg_s", "peak yaw rate from SINCE on", "deg/s", ".1f"),
     ("rmse_rotating_deg_s", "RMSE while it is to turn", "deg/s", ".2f"),
     ("angle_error_deg", "angle turned less wanted", "deg", ".1f"),
     ("overshoot_deg", "overshoot", "deg", ".1f"),
@@ -19,6 +22,7 @@ _ROWS = (
     ("simulated_time_s", "simulated time", "s", ".2f"),
     ("wall_time_s", "wall time", "s", ".2f"),
 )
+_SINCE_WHEN = ("convergence_time_s", "facing_since_s")
 _OF_ROTATION = ("rmse_rotating_deg_s", "angle_error_deg", "overshoot_deg")
 
 
@@ -33,11 +37,27 @@ class Row(NamedTuple):
 def rows(values: dict[str, Any]) -> list[Row]:
     """The metrics in the order of a table; those of a rotation only for a reference that asks for one."""
     found = [(name, label, _value(values, name), unit, form) for name, label, unit, form in _ROWS]
+    since = f"{round(max(SETTLING_S, values['begins_at_s']), 3):g} s"
     return [
-        Row(label, _text(value, form), unit)
+        Row(label.replace("SINCE", since) + at_the_latest(values, name), _text(value, form), unit)
         for name, label, value, unit, form in found
         if value is not None or name not in _OF_ROTATION
     ] + [_change(change) for change in values["parameter_changes"]]
+
+
+def missing(values: dict[str, Any]) -> str:
+    """A sentence on the steps that a recording lacks at its beginning; empty where it lacks none."""
+    if not values["missing_steps"]:
+        return ""
+    steps = f"steps 0 to {values['missing_steps'] - 1} are" if values["missing_steps"] > 1 else "step 0 is"
+    begins = f"{steps} not in the recording, it begins at {values['begins_at_s']:.3f} s"
+    return f"{begins}: every figure is of what is there"
+
+
+def at_the_latest(values: dict[str, Any], name: str) -> str:
+    """Words behind the label of a time that may lie before what was recorded."""
+    in_doubt = name in _SINCE_WHEN and values["missing_steps"] and values[name] == values["begins_at_s"]
+    return " (at the latest)" if in_doubt else ""
 
 
 def _change(change: dict[str, Any]) -> Row:

@@ -31,7 +31,8 @@ def metrics(flight: Flight) -> dict[str, Any]:
         the first time from which on the error stays within 5 % of the reference's amplitude to the end; None
         if there is none, for a reference whose amplitude is zero (5 % of nothing is no band) and for a flight
         that was not flown to its end. A time shortly before the end says little: an error that swings through
-        zero may just happen to end inside the band.
+        zero may just happen to end inside the band. The time at which a recording begins is the latest that it
+        can be.
     control_effort
         mean over the steps of sum_j ((u_j - u_j(0)) / (max_j - min_j))^2, u what the plant applied, u(0) the
         scenario's initial control.
@@ -40,10 +41,13 @@ def metrics(flight: Flight) -> dict[str, Any]:
     rmse_rotating_deg_s, angle_error_deg, overshoot_deg
         of a reference that rotates by an angle: RMSE from its start to its end, angle turned at the end of the
         flight less the angle wanted, and how far the angle turned ever went beyond the wanted one; None for
-        other references, and for a flight that ends before the rotation does.
+        other references, and for a flight that ends before the rotation does. The angles also for a recording that
+        lacks the beginning, its RMSE for one that lacks some of the rotation.
     facing, facing_since_s
         which side faces the earth at the end of a flight, and since when the dorsal axis has stayed within 45
-        deg of the vertical for that; facing is "neither" where it is not.
+        deg of the vertical for that, at the latest where the recording begins; facing is "neither" where it is not.
+    missing_steps, begins_at_s
+        steps that a recording lacks before its first one, and the time of that; 0 for a whole flight.
     status_steps
         steps with each status of the controller: solved, saturated, repaired, kept_previous.
     min_dorsal_axis
@@ -53,11 +57,10 @@ def metrics(flight: Flight) -> dict[str, Any]:
         flown; the band of convergence and the effort's range are those of the scenario at the start.
     """
     scenario = flight.scenario
-    steps = len(flight.states) - 1
     to_its_end = flight.outcome in FLOWN_TO_ITS_END
     yaw_rate = np.rad2deg(flight.yaw_rate)
     error = tracking_error_deg_s(flight)
-    settled = slice(first_step_from(SETTLING_S, scenario), len(yaw_rate))
+    settled = slice(row_from(SETTLING_S, flight), len(yaw_rate))
     if flight.outcome is Outcome.DIVERGED:
         settled = slice(len(yaw_rate), len(yaw_rate))
     turned = angle_turned_deg(flight)
@@ -69,17 +72,19 @@ def metrics(flight: Flight) -> dict[str, Any]:
         "reason": flight.reason,
         "rmse_deg_s": None if error is None else _finite(root_mean_square(error[settled])),
         "max_abs_error_deg_s": None if error is None else _finite(_largest(error[settled])),
-        "convergence_time_s": None if error is None or not to_its_end else convergence_time(error, scenario),
+        "convergence_time_s": None if error is None or not to_its_end else convergence_time(error, flight),
         "peak_yaw_rate_deg_s": _finite(_largest(yaw_rate[settled])),
-        **_of_rotation(error, turned, scenario),
+        **_of_rotation(error, turned, flight),
         "control_effort": _finite(control_effort(flight.applied, scenario)),
         "status_steps": flight.status_steps,
         "solve_time_us": solve_time_us(flight.solve_time_s),
         "wall_time_s": _finite(flight.wall_time_s),
-        "simulated_time_s": steps * scenario.dt_ns / 1e9,
+        "simulated_time_s": _time_s(len(flight.states) - 1, flight),
         "facing": facing,
         "facing_since_s": facing_since_s,
         "min_dorsal_axis": _finite(float(np.min(dorsal_axis_height(flight.states)))),
+        "missing_steps": flight.first_step,
+        "begins_at_s": _time_s(0, flight),
         "parameter_changes": [
             {
                 "node": change.node,
@@ -127,23 +132,38 @@ def faces(flight: Flight) -> tuple[str, float | None]:
         if side[-1]:
             others = np.flatnonzero(~side)
             first = int(others[-1]) + 1 if len(others) else 0
-            return name, first * flight.scenario.dt_ns / 1e9
+            return name, _time_s(first, flight)
     return "neither", None
 
 
-def _of_rotation(error: Floats | None, turned: Floats, scenario: Scenario) -> dict[str, float | None]:
-    reference = scenario.reference
-    names = ("rmse_rotating_deg_s", "angle_error_deg", "overshoot_deg")
+def _of_rotation(error: Floats | None, turned: Floats, flight: Flight) -> dict[str, float | None]:
+    reference, scenario = flight.scenario.reference, flight.scenario
+    found: dict[str, float | None] = dict.fromkeys(
+        ("rmse_rotating_deg_s", "angle_error_deg", "overshoot_deg")
+    )
     if error is None or not isinstance(reference, RotationReference):
-        return dict.fromkeys(names)
-    start = first_step_from(reference.start_s, scenario)
-    end = first_step_from(reference.start_s + reference.duration_s, scenario)
+        return found
+    start = first_step_from(reference.start_s, scenario) - flight.first_step
+    end = first_step_from(reference.start_s + reference.duration_s, scenario) - flight.first_step
     if end >= len(error):
-        return dict.fromkeys(names)
-    wanted = reference.angle_deg
-    beyond = float(np.max(np.sign(wanted) * (turned - wanted)))
-    values = (root_mean_square(error[start : end + 1]), float(turned[-1] - wanted), max(beyond, 0.0))
-    return {name: _finite(value) for name, value in zip(names, values, strict=True)}
+        return found
+    if start >= 0:
+        found["rmse_rotating_deg_s"] = _finite(root_mean_square(error[start : end + 1]))
+    if flight.first_step == 0:
+        wanted = reference.angle_deg
+        beyond = float(np.max(np.sign(wanted) * (turned - wanted)))
+        found["angle_error_deg"] = _finite(float(turned[-1] - wanted))
+        found["overshoot_deg"] = _finite(max(beyond, 0.0))
+    return found
+
+
+def row_from(time_s: float, flight: Flight) -> int:
+    """The first row of a flight at or after a time; the first of all where it begins later."""
+    return max(0, first_step_from(time_s, flight.scenario) - flight.first_step)
+
+
+def _time_s(row: int, flight: Flight) -> float:
+    return (flight.first_step + row) * flight.scenario.dt_ns / 1e9
 
 
 def first_step_from(time_s: float, scenario: Scenario) -> int:
@@ -156,14 +176,14 @@ def root_mean_square(values: Floats) -> float:
     return math.sqrt(float(np.mean(np.square(values)))) if len(values) else math.nan
 
 
-def convergence_time(error_deg_s: Floats, scenario: Scenario) -> float | None:
+def convergence_time(error_deg_s: Floats, flight: Flight) -> float | None:
     """Time [s] from which on the error (K+1,) stays inside its band, None if it ends outside."""
-    band = CONVERGED_SHARE * scenario.reference.amplitude_or_level_deg_s
+    band = CONVERGED_SHARE * flight.scenario.reference.amplitude_or_level_deg_s
     if band <= 0.0:
         return None
     outside = np.flatnonzero(~(np.abs(error_deg_s) <= band))
     first = int(outside[-1]) + 1 if len(outside) else 0
-    return None if first == len(error_deg_s) else first * scenario.dt_ns / 1e9
+    return None if first == len(error_deg_s) else _time_s(first, flight)
 
 
 def control_effort(applied: Floats, scenario: Scenario) -> float:

@@ -3,7 +3,7 @@
 import json
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.metrics import FLOWN_TO_ITS_END
 from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows, Times
-from skydiver_utc.parameters import ParameterError, Scenario, from_yaml
+from skydiver_utc.parameters import ParameterError, Scenario, from_yaml, override
 from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.reader import RecordedTopic, read_bag
 from skydiver_utc.simulation.flight import Flight, ParameterChange
@@ -31,8 +31,9 @@ def read_flight(path: Path | str) -> Flight:
     """The flight that a run folder, a bag folder or an .mcap file holds.
 
     Nothing but the bag is read. A flight that ended early has the steps up to its last complete one; a bag without
-    an outcome gives outcome aborted and an unknown (NaN) wall time. A step missing in between raises
-    `AnalysisError`, what is not a bag `RecordingError`.
+    an outcome gives outcome aborted and an unknown (NaN) wall time. A recorder that was started in flight gives the
+    steps from the first complete one on (`Flight.first_step`). A step missing in between raises `AnalysisError`,
+    what is not a bag `RecordingError`.
     Messages off the grid, outside of the flight or not to be understood are left out (`RecordedFlight.ignored`). Of
     several of one step the first counts that was not sent too early to be the flight's: a command or telemetry
     before the state that it answers, an applied command before the state that it led to, any other message before
@@ -50,8 +51,9 @@ class RecordedFlight:
         self._path = path
         self._topics: Topics = read_bag(path)
         self._namespace = namespace_of(self._topics)
-        self.scenario = self._read_scenario()
+        self.scenario, not_understood = self._read_scenario()
         self._steps = RecordedSteps(self.scenario, self._topics, self._namespace)
+        self._steps.count("scenario", not_understood)
 
     def flight(self) -> Flight:
         """What `read_flight` gives."""
@@ -63,29 +65,31 @@ class RecordedFlight:
         led_to_ns = np.append(states.sent_ns[1:], states.sent_ns[-1])
         applied = self._steps.rows("applied_command", 4, _controls, led_to_ns)
         reference = self._reference()
-        steps = self.scenario.steps
+        first = max(rows.first or 0 for rows in (states, commands, applied, reference))
+        end = self.scenario.steps
         if outcome not in FLOWN_TO_ITS_END:
-            steps = max(0, min(states.last, commands.last + 1, applied.last + 1, reference.last))
-        self._refuse_gaps("state", states, steps + 1)
-        self._refuse_gaps("reference", reference, steps + 1)
-        self._refuse_gaps("command", commands, steps)
-        self._refuse_gaps("applied_command", applied, steps)
-        names, telemetry, solve_time_s, status = self._telemetry(steps, states.sent_ns)
+            end = max(first, min(states.last, commands.last + 1, applied.last + 1, reference.last))
+        self._refuse_gaps("state", states, first, end + 1)
+        self._refuse_gaps("reference", reference, first, end + 1)
+        self._refuse_gaps("command", commands, first, end)
+        self._refuse_gaps("applied_command", applied, first, end)
+        names, telemetry, solve_time_s, status = self._telemetry(first, end, states.sent_ns)
         return Flight(
             scenario=self.scenario,
-            states=states.values[: steps + 1],
-            commands=commands.values[:steps],
-            applied=applied.values[:steps],
-            reference=reference.values[: steps + 1, 0],
+            states=states.values[first : end + 1],
+            commands=commands.values[first:end],
+            applied=applied.values[first:end],
+            reference=reference.values[first : end + 1, 0],
             telemetry=telemetry,
             telemetry_names=names,
             solve_time_s=solve_time_s,
             status=status,
             outcome=outcome,
             reason=reason
-            or f"the recording has no outcome, it ends after {steps} of {self.scenario.steps} steps",
+            or f"the recording has no outcome, it ends after {end} of {self.scenario.steps} steps",
             wall_time_s=wall_time_s,
             changes=self.changes(),
+            first_step=first,
         )
 
     @property
@@ -96,8 +100,8 @@ class RecordedFlight:
     def changes(self) -> tuple[ParameterChange, ...]:
         """Parameters changed in flight, in the order of the steps; of two records of one step the later one."""
         found: dict[tuple[int, str], ParameterChange] = {}
-        told = [_change(message.data) for message in self._messages("changes")]
-        understood = [change for change in told if change and 0 <= change.step <= self.scenario.steps]
+        told = [_change(text, self.scenario) for text in _texts(self._steps.messages("changes"))]
+        understood = [change for change in told if change]
         self._steps.count("changes", len(told) - len(understood))
         for change in understood:
             found[change.step, change.node] = change
@@ -112,32 +116,37 @@ class RecordedFlight:
             values[first : first + len(given)] = given
         return values
 
-    def _messages(self, name: str) -> list[Any]:
-        return self._steps.messages(name)
+    def _read_scenario(self) -> tuple[Scenario, int]:
+        """The last one that can be understood of those sent before the flight; of none such, the first at all.
 
-    def _read_scenario(self) -> Scenario:
-        """The last one that can be understood of those sent before the flight; of none such, the first at all."""
+        And how many cannot be understood.
+        """
         topic = self._topics.get(f"{self._namespace}/scenario")
-        if topic is None or not topic.messages:
+        if topic is None or not len(topic):
             raise AnalysisError(
                 f"{self._path} has no {self._namespace}/scenario, so it is no recording of a flight: give the"
                 " folder of one"
             )
-        states = self._topics.get(f"{self._namespace}/state")
-        begins_ns = min(states.publish_times_ns) if states is not None and len(states) else None
-        sent = list(zip(topic.publish_times_ns, topic.messages, strict=True))
-        before = [message for at_ns, message in sent if begins_ns is None or at_ns <= begins_ns]
-        after = [message for at_ns, message in sent if begins_ns is not None and at_ns > begins_ns]
-        reason: ParameterError | None = None
-        for message in [*reversed(before), *after]:
-            try:
-                return from_yaml(message.data)
-            except ParameterError as error:
-                reason = reason or error
+        texts = _texts(topic.readable)
+        found = {text: _scenario(text) for text in texts}
+        begins_ns = self._first_state_ns()
+        sent = list(zip(topic.publish_times_ns, texts, strict=True))
+        before = [text for at_ns, text in sent if begins_ns is None or at_ns <= begins_ns]
+        after = [text for at_ns, text in sent if begins_ns is not None and at_ns > begins_ns]
+        best_first = [found[text] for text in [*reversed(before), *after]]
+        for scenario in best_first:
+            if isinstance(scenario, Scenario):
+                return scenario, sum(not isinstance(found[text], Scenario) for text in texts)
         raise AnalysisError(
-            f"the scenario in {self._path} is not one of this version ({reason}): analyse the"
+            f"the scenario in {self._path} is not one of this version ({best_first[0]}): analyse the"
             " recording with the version that its versions.json names"
-        ) from reason
+        )
+
+    def _first_state_ns(self) -> int | None:
+        """When the first state was sent, None without any."""
+        topic = self._topics.get(f"{self._namespace}/state")
+        sent = zip(topic.publish_times_ns, topic.readable, strict=True) if topic else ()
+        return min((int(at_ns) for at_ns, state in sent if state is not None), default=None)
 
     def _ending(self) -> tuple[Outcome, str, float]:
         """Outcome, reason (empty where none is recorded) and wall time [s]."""
@@ -148,7 +157,7 @@ class RecordedFlight:
 
     def _told_ending(self) -> dict[str, Any] | None:
         """The last outcome that can be understood; the others are counted."""
-        told = [_outcome(message.data) for message in self._messages("outcome")]
+        told = [_outcome(text) for text in _texts(self._steps.messages("outcome"))]
         understood = [one for one in told if one is not None]
         self._steps.count("outcome", len(told) - len(understood))
         return understood[-1] if understood else None
@@ -175,13 +184,15 @@ class RecordedFlight:
                     rows.present[k] = True
         return rows
 
-    def _telemetry(self, steps: int, states_ns: Times) -> tuple[tuple[str, ...], Floats, Floats, Floats]:
-        """Names, those of most messages, values (steps, n), solve times [s] (steps,) and statuses (steps,)."""
-        told = (tuple(message.name) for message in self._messages("controller/telemetry"))
+    def _telemetry(
+        self, first: int, end: int, states_ns: Times
+    ) -> tuple[tuple[str, ...], Floats, Floats, Floats]:
+        """Names, those of most messages, values (K, n), solve times [s] (K,), statuses (K,), K = end - first."""
+        told = (tuple(message.name) for message in self._steps.messages("controller/telemetry") if message)
         common = Counter(names for names in told if {_SOLVE_TIME, _STATUS} <= set(names)).most_common(1)
-        unknown = np.full(steps, np.nan)
+        unknown = np.full(end - first, np.nan)
         if not common:
-            return (), np.empty((steps, 0)), unknown, unknown
+            return (), np.empty((end - first, 0)), unknown, unknown
         names = common[0][0]
 
         def values_of(message: Any) -> Any:
@@ -189,15 +200,15 @@ class RecordedFlight:
 
         rows = self._steps.rows("controller/telemetry", len(names), values_of, states_ns)
         own = [j for j, name in enumerate(names) if name not in (_SOLVE_TIME, _STATUS)]
-        solve_time_s, status = (rows.values[:steps, names.index(name)] for name in (_SOLVE_TIME, _STATUS))
-        return tuple(names[j] for j in own), rows.values[:steps, own], solve_time_s, status
+        solve_time_s, status = (rows.values[first:end, names.index(name)] for name in (_SOLVE_TIME, _STATUS))
+        return tuple(names[j] for j in own), rows.values[first:end, own], solve_time_s, status
 
-    def _refuse_gaps(self, name: str, rows: Rows, count: int) -> None:
-        missing = np.flatnonzero(~rows.present[:count])
+    def _refuse_gaps(self, name: str, rows: Rows, first: int, end: int) -> None:
+        missing = np.flatnonzero(~rows.present[first:end])
         if len(missing):
             raise AnalysisError(
-                f"{self._namespace}/{name} in {self._path} lacks {len(missing)} of {count} steps, the first is"
-                f" step {missing[0]}: record the flight again"
+                f"{self._namespace}/{name} in {self._path} lacks {len(missing)} of {end - first} steps, the first"
+                f" is step {first + missing[0]}: record the flight again"
             )
 
 
@@ -217,6 +228,19 @@ def _controls(joint_state: Any) -> Any:
     return joint_state.position if tuple(joint_state.name) == CONTROL_NAMES else None
 
 
+def _texts(messages: Iterable[Any | None]) -> list[str]:
+    """What std_msgs/String say; an empty text for bytes that are no message."""
+    return ["" if message is None else str(message.data) for message in messages]
+
+
+def _scenario(text: str) -> Scenario | ParameterError:
+    """The scenario of a text, or why it is none."""
+    try:
+        return from_yaml(text)
+    except ParameterError as error:
+        return error
+
+
 def _first(values: Any) -> float:
     """The first value, NaN without any."""
     return float(values[0]) if len(values) else math.nan
@@ -232,11 +256,14 @@ def _outcome(text: str) -> dict[str, Any] | None:
     return dict(told)
 
 
-def _change(text: str) -> ParameterChange | None:
-    """A change of parameters, None where it cannot be understood."""
+def _change(text: str, scenario: Scenario) -> ParameterChange | None:
+    """A change of parameters in this scenario's flight, None where it cannot be understood."""
     try:
         told = json.loads(text)
         control = None if told["control"] is None else tuple(map(float, told["control"]))
-        return ParameterChange(str(told["node"]), int(told["step"]), dict(told["parameters"]), control)
+        change = ParameterChange(str(told["node"]), int(told["step"]), dict(told["parameters"]), control)
+        override(scenario, change.of_scenario)
+        fits = all(0 <= number <= scenario.steps for number in (change.step, change.delay_steps))
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return None
+    return change if fits and (control is None or len(control) == len(CONTROL_NAMES)) else None

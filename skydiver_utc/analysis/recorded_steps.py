@@ -22,6 +22,12 @@ class Rows(NamedTuple):
     sent_ns: Times
 
     @property
+    def first(self) -> int | None:
+        """The first step present, None without any."""
+        steps = np.flatnonzero(self.present)
+        return int(steps[0]) if len(steps) else None
+
+    @property
     def last(self) -> int:
         """The last step present, -1 without any."""
         steps = np.flatnonzero(self.present)
@@ -40,20 +46,23 @@ class RecordedSteps:
         self.ignored: dict[str, int] = {}
         self._scenario, self._topics, self._namespace = scenario, topics, namespace
 
-    def messages(self, name: str) -> list[Any]:
-        """The messages of a topic, in the order of the file."""
+    def messages(self, name: str) -> list[Any | None]:
+        """The messages of a topic, in the order of the file; None for bytes that are none."""
         topic = self._topics.get(f"{self._namespace}/{name}")
-        return topic.messages if topic else []
+        return topic.readable if topic else []
 
-    def step_of(self, stamp: Any) -> int | None:
-        """The step of a stamp; None off the grid and outside of the flight."""
+    def step_of(self, message: Any | None) -> int | None:
+        """The step of a message's stamp; None off the grid, outside of the flight and for what is no message."""
+        if message is None:
+            return None
+        stamp = message.header.stamp
         after_ns = stamp.sec * 1_000_000_000 + stamp.nanosec - self._scenario.stamp_ns(0)
         k, rest = divmod(after_ns, self._scenario.dt_ns)
         return None if rest or not 0 <= k <= self._scenario.steps else int(k)
 
     def with_steps(self, name: str) -> list[tuple[int, Any]]:
         """Step and message of those that have one."""
-        found = [(self.step_of(message.header.stamp), message) for message in self.messages(name)]
+        found = [(self.step_of(message), message) for message in self.messages(name)]
         kept = [(k, message) for k, message in found if k is not None]
         self.count(name, len(found) - len(kept))
         return kept
@@ -92,8 +101,9 @@ class RecordedSteps:
         topic = self._topics.get(f"{self._namespace}/{name}")
         found: dict[int, list[tuple[int, Any]]] = {}
         ignored = 0
-        for message, sent_ns in zip(topic.messages, topic.publish_times_ns, strict=True) if topic else ():
-            k, values = self.step_of(message.header.stamp), values_of(message)
+        for message, sent_ns in zip(topic.readable, topic.publish_times_ns, strict=True) if topic else ():
+            k = self.step_of(message)
+            values = None if k is None else values_of(message)
             if k is None or values is None or len(values) != width:
                 ignored += 1
             else:

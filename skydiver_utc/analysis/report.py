@@ -6,7 +6,7 @@ from html import escape
 from string import Template
 from typing import Any
 
-from skydiver_utc.analysis.labels import rows
+from skydiver_utc.analysis.labels import missing, rows
 from skydiver_utc.parameters import to_yaml
 from skydiver_utc.simulation.flight import Flight
 
@@ -32,6 +32,7 @@ pre { background: #f4f4f4; padding: 1rem; overflow-x: auto; font-size: .85rem }
 <h1>$title</h1>
 <p>$description</p>
 <p><strong>$outcome</strong>: $reason</p>
+$missing
 <table>
 $metrics
 </table>
@@ -54,6 +55,7 @@ def report_html(flight: Flight, values: dict[str, Any], png: bytes, versions: Ma
         description=escape(scenario.description),
         outcome=escape(values["outcome"].replace("_", " ")),
         reason=escape(values["reason"]),
+        missing=f"<p><strong>{escape(missing(values))}</strong></p>" if missing(values) else "",
         metrics="\n".join(_row(row.label, row.text, row.unit) for row in rows(values)),
         png=base64.b64encode(png).decode("ascii"),
         scenario=escape(to_yaml(scenario)),

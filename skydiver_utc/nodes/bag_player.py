@@ -4,6 +4,7 @@ import importlib
 import json
 import signal
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.duration import Duration
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -72,13 +74,15 @@ class PlayerNode(Node):
             None if _CLOCK in topics else self.create_publisher(ClockMessage, _CLOCK, EACH_STEP)
         )
         self._clock_told_ns = -1
+        self.not_sent: Counter[str] = Counter()  # by topic, messages that the middleware does not take
         self._send_latched()
         self.create_service(SetBool, "~/pause", self.on_pause)
         self._began_at = time.monotonic()
         self._begun = False
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_TICK_S, self._tick, clock=steady)
-        if self._parameter("attended", False):
+        self._attended = self._parameter("attended", False)
+        if self._attended:
             self.create_timer(_REPORT_S, self._report, clock=steady)
             signal.signal(signal.SIGUSR1, lambda *_: self.pause(not self.paused))
         self.get_logger().info(f"{len(self.items)} messages of {run}, {self.playback.duration_s:.3f} s")
@@ -111,6 +115,10 @@ class PlayerNode(Node):
             left_s = max(0.0, deadline - time.monotonic())
             if not publisher.wait_for_all_acked(Duration(seconds=left_s)):
                 self.get_logger().warning(f"a listener of {name} did not acknowledge everything")
+        for name, count in self.not_sent.items():
+            self.get_logger().warning(f"{count} messages of {name} cannot be sent, they are none of its type")
+        if self._attended:
+            self._report()
         return 0
 
     def _tick(self) -> None:
@@ -136,7 +144,14 @@ class PlayerNode(Node):
             message = ClockMessage()
             message.clock.sec, message.clock.nanosec = divmod(item.log_time_ns, 1_000_000_000)
             self._clock_made.publish(message)
-        self._publishers_by_topic[item.topic].publish(item.cdr)
+        self._publish(item)
+
+    def _publish(self, item: Item) -> None:
+        """Bytes that are no message are sent like others, but for those too long for a type of fixed length."""
+        try:
+            self._publishers_by_topic[item.topic].publish(item.cdr)
+        except rclpy_implementation.RCLError:
+            self.not_sent[item.topic] += 1
 
     def _send_latched(self) -> None:
         """What a late listener would have found when the part that is played begins."""
@@ -145,7 +160,7 @@ class PlayerNode(Node):
             profile = publisher.qos_profile
             if profile.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL:
                 for item in [item for item in earlier if item.topic == name][-profile.depth :]:
-                    publisher.publish(item.cdr)
+                    self._publish(item)
 
     def _discovered(self) -> bool:
         """True when those who listen are connected, and for certain after some seconds."""
@@ -172,6 +187,7 @@ class PlayerNode(Node):
             "duration_s": self.playback.duration_s,
             "paused": self.paused,
             "lap": self.playback.lap,
+            "not_sent": self.not_sent,
         }
         with suppress(BrokenPipeError):
             print(json.dumps(line), flush=True)

@@ -81,6 +81,7 @@ class RecorderNode(ScenarioNode):
         self.failure = ""
         self.not_recorded = 0
         self._bag: BagWriter | None = None
+        self._now_ns = self._first_ns = self.scenario.stamp_ns(0)
         self._channels: dict[Topic, _Channel] = {}
         self._wrong_types: set[tuple[str, str]] = set()
         self._ready = self.advertise(topics.RECORDER_READY)
@@ -95,7 +96,7 @@ class RecorderNode(ScenarioNode):
         self.folder = Path(str(self.own["bag_folder"]) or self._default_folder())
         self._started_at_ns = time.time_ns()
         self._end = EndOfFlight(_REPAIR_S, lambda error: self.refusals.add(topics.OUTCOME.name, error))
-        self._now_ns = self._first_ns = self.scenario.stamp_ns(0)
+        self._now_ns = self._first_ns
         self._last_ns = self.scenario.stamp_ns(self.scenario.steps)
         self.failure, self.not_recorded, self.done = "", 0, False
         self._disk_is_slow = False
@@ -132,6 +133,10 @@ class RecorderNode(ScenarioNode):
     def shutdown(self) -> None:
         """End the bag, of a whole flight with all of its messages."""
         self._end_recording()
+
+    def newest_step(self) -> int:
+        """The newest that the plant has told."""
+        return (self._now_ns - self._first_ns) // self.grid.dt_ns
 
     def health(self) -> Health:
         """Where the recording goes and what is not in it."""

@@ -76,7 +76,9 @@ class PlantNode(ScenarioNode):
         self._ready: Vector | None = None  # the command of a step that waits for its time, or in a pause
         self._create_writers()
         self._real_time = self._create_pace() if self._by_the_clock else None
-        self._scenarios.publish(String(data=to_yaml(self.scenario)))
+        scenario = to_yaml(self.scenario)
+        self.fly(scenario)
+        self._scenarios.publish(String(data=scenario))
         mode = "real time" if self._real_time else "lockstep"
         self.get_logger().info(f"{self.scenario.steps} steps of {self.scenario.dt_s * 1e3:g} ms in {mode}")
 

@@ -10,6 +10,7 @@ from types import FrameType
 from typing import Any
 
 from skydiver_utc import discovery
+from skydiver_utc.nodes.exit_deadline import end_in_time
 from skydiver_utc.nodes.usage import usage
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.recording.errors import RecordingError
@@ -22,6 +23,7 @@ _NODES = {
     "player": ("bag_player", "PlayerNode"),
 }
 _REFUSED = 2
+_LONGEST_GOODBYE_S = 5
 
 
 class StopRequest:
@@ -111,8 +113,11 @@ def _run(kind: str, arguments: list[str]) -> int:
         except ExternalShutdownException:
             pass
         code = int(node.close())
+        if node.refused:
+            code = _refuse(kind, node.refused)
+        end_in_time(code, _LONGEST_GOODBYE_S)
         loop.shutdown()
-        return _refuse(kind, node.refused) if node.refused else code
+        return code
     finally:
         rclpy.try_shutdown()
         # The interpreter gives signals back to the system before it ends: one that comes late would kill it then.

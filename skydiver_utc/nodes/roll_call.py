@@ -1,5 +1,6 @@
 """One plant, one controller and one reference in a namespace: each says that it is there, the newcomer leaves."""
 
+import hashlib
 import json
 import os
 import platform
@@ -16,7 +17,8 @@ from skydiver_utc.nodes.border import BorderError
 class Claim(NamedTuple):
     """Who is there: a kind of node, since when, and whether it serves a flight already.
 
-    Of two the senior is the one that serves a flight, else the one that started first.
+    Of two the senior is the one that serves a flight, else the one that started first. A plant that is configured
+    names the scenario that it flies by its checksum.
     """
 
     kind: str
@@ -25,6 +27,7 @@ class Claim(NamedTuple):
     serving: bool
     pid: int
     host: str
+    scenario: str = ""
 
     def senior_to(self, other: "Claim") -> bool:
         """True where `other` has to leave."""
@@ -48,6 +51,11 @@ def read_claim(text: str) -> Claim:
     return claim
 
 
+def checksum(scenario: str) -> str:
+    """What a claim names a scenario by."""
+    return hashlib.sha256(scenario.encode()).hexdigest()
+
+
 class RollCall:
     """Sends the own claim and hears those of others; `leave` is told the one sentence why this node must go."""
 
@@ -63,6 +71,11 @@ class RollCall:
         if not self.claim.serving:
             self.claim = self.claim._replace(serving=True)
             self._tell()
+
+    def fly(self, scenario: str) -> None:
+        """From now on this node, a plant, flies the scenario of this text."""
+        self.claim = self.claim._replace(scenario=checksum(scenario))
+        self._tell()
 
     def hear(self, other: Claim) -> None:
         """Leave if a senior node of the same kind is there; let a junior one know who is senior."""

@@ -20,6 +20,7 @@ from skydiver_utc.nodes.diagnostics import Health, Level, ProcessUsage, diagnost
 from skydiver_utc.nodes.live_parameters import LiveParameters, differences
 from skydiver_utc.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
 from skydiver_utc.nodes.node_parameters import resolve
+from skydiver_utc.nodes.plants_scenario import PlantsScenario
 from skydiver_utc.nodes.presence import Presence
 from skydiver_utc.nodes.roll_call import RollCall, read_claim
 from skydiver_utc.nodes.stamps import StepGrid
@@ -36,6 +37,10 @@ _WATCHED = {
     topics.REFERENCE: (topics.PLANT,),
     topics.RECORDER: (topics.PLANT,),
 }
+
+
+# Own parameters that make a node's answers and that no scenario has.
+_BESIDE_THE_SCENARIO = {topics.CONTROLLER: ("delay_steps",)}
 
 
 class ScenarioNode(ManagedNode):
@@ -70,7 +75,9 @@ class ScenarioNode(ManagedNode):
         self._roll_call = self._join(kind) if kind in _ONE_OF_A_KIND else None
         self._changes = self.advertise(topics.CHANGES) if kind in _ONE_OF_A_KIND else None
         self._at_start = resolved.scenario
-        self.differs: dict[str, object] = {}  # what was given at the start to this node and not to the plant
+        self._beside = {name: self.own[name] for name in _BESIDE_THE_SCENARIO.get(kind, ()) if self.own[name]}
+        self.differs = dict(self._beside)  # what was given at the start to this node and not to the plant
+        self._plants_scenario = PlantsScenario()
         if kind in (topics.CONTROLLER, topics.REFERENCE):
             self.listen(topics.SCENARIO, self.on_scenario)
         self.live = LiveParameters(self, kind, resolved, self.rebuilt, self.change_is_coming)
@@ -112,13 +119,24 @@ class ScenarioNode(ManagedNode):
         return change.part
 
     def on_scenario(self, message: Any) -> None:
-        """Compare the plant's scenario, which is the recorded one, with that of this node."""
+        """A scenario was published: that of the plant counts, others are refused."""
         try:
-            plants = from_yaml(message.data)
+            text = self._plants_scenario.hear(message.data)
+        except BorderError as error:
+            self.refusals.add(topics.SCENARIO.name, error)
+            return
+        self._compare_with_plant(text)
+
+    def _compare_with_plant(self, text: str | None) -> None:
+        """Compare the plant's scenario, which is the recorded one, with that of this node; None: nothing new."""
+        if text is None:
+            return
+        try:
+            plants = from_yaml(text)
         except ParameterError as error:
             self.refusals.add(topics.SCENARIO.name, BorderError("scenario", str(error)))
             return
-        differs = differences(self._kind, self._at_start, plants)
+        differs = {**self._beside, **differences(self._kind, self._at_start, plants)}
         if differs != self.differs:
             self.differs = differs
             self.tell_difference()
@@ -177,6 +195,11 @@ class ScenarioNode(ManagedNode):
         if self._roll_call is not None:
             self._roll_call.serve()
 
+    def fly(self, scenario: str) -> None:
+        """From now on the scenario of this text, which is the one on `scenario`, is what this plant flies."""
+        if self._roll_call is not None:
+            self._roll_call.fly(scenario)
+
     def refuse(self, sentence: str) -> None:
         """End without a further word to the others."""
         if not self.done:
@@ -232,6 +255,7 @@ class ScenarioNode(ManagedNode):
             return
         if self._roll_call is not None:
             self._roll_call.hear(claim)
+        self._compare_with_plant(self._plants_scenario.hear_claim(claim))
 
     def _given_parameters(self) -> dict[str, object]:
         """Parameters from the command line and its files, also those that nobody declares."""

@@ -36,6 +36,14 @@ for _side in (_StrictLoader, _Dumper):
     )
 
 
+# Beside its own error PyYAML lets through what its constructors meet in a value: a date that there is not, a number
+# of too many digits, a tag that does not fit, brackets within brackets.
+_NO_YAML = (
+    *(yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError, OverflowError),
+    RecursionError,
+)
+
+
 def read_yaml(path: Path) -> dict[str, Any]:
     """The mapping that a YAML file holds, every number in it finite."""
     try:
@@ -49,14 +57,17 @@ def parse_yaml(text: str, origin: str) -> dict[str, Any]:
     """The mapping that a YAML text holds; `origin` names it in errors."""
     try:
         content = yaml.load(text, Loader=_StrictLoader)
-    except yaml.YAMLError as error:
-        sentence = " ".join(str(error).split())
-        raise ParameterError(f"{origin} is not valid YAML: {sentence}") from error
     except ParameterError as error:
         raise ParameterError(f"{origin}: {error}") from error
+    except _NO_YAML as error:
+        sentence = " ".join(str(error).split())
+        raise ParameterError(f"{origin} is not valid YAML: {sentence}") from error
     if not isinstance(content, dict):
         raise ParameterError(f"{origin} must hold a mapping of names to values")
-    refuse_non_finite(content, origin)
+    try:
+        refuse_non_finite(content, origin)
+    except RecursionError as error:
+        raise ParameterError(f"{origin} has a block that holds itself: write it out") from error
     return content
 
 

@@ -20,9 +20,15 @@ class Item(NamedTuple):
 
 
 def in_order(topics: Mapping[str, RecordedTopic]) -> list[Item]:
-    """All messages by log time; those of one time in the order of the topics, which is that of the bag."""
+    """All messages by log time; those of one time in the order of the topics, which is that of the bag.
+
+    What was recorded before the flight's clock was heard comes with it: a recorder that was started in flight finds
+    the latched messages first, and does not know yet how late it is.
+    """
+    clock = topics.get("/clock")
+    begins_ns = int(clock.log_times_ns.min()) if clock else 0
     items = [
-        Item(name, log_time, cdr)
+        Item(name, max(log_time, begins_ns), cdr)
         for name, topic in topics.items()
         for log_time, cdr in zip(topic.log_times_ns.tolist(), topic.cdr, strict=True)
     ]

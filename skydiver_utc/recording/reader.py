@@ -1,6 +1,6 @@
 """Reads recordings: rosbag2 bag folders with MCAP files, or bare MCAP files, without ROS."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -39,16 +39,41 @@ class RecordedTopic:
     def __len__(self) -> int:
         return len(self.cdr)
 
-    @cached_property
+    @property
     def messages(self) -> list[Any]:
-        """The messages with the fields of their ROS type, decoded when first asked for."""
+        """The messages with the fields of their ROS type; one that does not fit it raises `RecordingError`."""
+        messages, error = self._decoded
+        if error is not None:
+            raise self._does_not_fit(error) from error
+        return messages
+
+    @property
+    def readable(self) -> list[Any | None]:
+        """The same, with None for bytes that are no message of the type: anybody can publish some."""
+        return self._decoded[0]
+
+    @cached_property
+    def _decoded(self) -> tuple[list[Any | None], Exception | None]:
+        """Decoded when first asked for; and the first error, None without any."""
         try:
-            return list(_decode(self.cdr, self.type_name, _typestore(self.definitions)))
+            decode = _decoder(self.type_name, _typestore(self.definitions))
         except (*DAMAGE, SerdeError, TypesysError) as error:
-            raise RecordingError(
-                f"The messages of {self.name} do not fit the definition of {self.type_name} in the bag"
-                f" ({error}): leave this topic out, or record again."
-            ) from error
+            raise self._does_not_fit(error) from error
+        found: list[Any | None] = []
+        first: Exception | None = None
+        for cdr in self.cdr:
+            try:
+                found.append(decode(cdr))
+            except (*DAMAGE, SerdeError) as error:
+                found.append(None)
+                first = first or error
+        return found, first
+
+    def _does_not_fit(self, error: Exception) -> RecordingError:
+        return RecordingError(
+            f"The messages of {self.name} do not fit the definition of {self.type_name} in the bag"
+            f" ({error}): leave this topic out, or record again."
+        )
 
 
 def read_bag(path: Path | str, topics: Iterable[str] | None = None) -> dict[str, RecordedTopic]:
@@ -202,10 +227,13 @@ def _typestore(definitions: Definitions) -> Typestore:
     return store
 
 
-def _decode(cdr: list[bytes], type_name: str, store: Typestore) -> Iterator[Any]:
+def _decoder(type_name: str, store: Typestore) -> Callable[[bytes], Any]:
     # Not store.deserialize_cdr: it refuses the spare bytes that rclpy.serialization leaves at some ends.
     definition = store.get_msgdef(type_name)
-    for data in cdr:
+
+    def decode(data: bytes) -> Any:
         little_endian = data[1] & 1
-        decode = definition.deserialize_cdr_le if little_endian else definition.deserialize_cdr_be
-        yield decode(data[_ENCAPSULATION_LENGTH:], 0, definition.cls, store)[0]
+        of_order = definition.deserialize_cdr_le if little_endian else definition.deserialize_cdr_be
+        return of_order(data[_ENCAPSULATION_LENGTH:], 0, definition.cls, store)[0]
+
+    return decode

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 class Stretch(NamedTuple):
-    """From step `first` on, up to the next stretch, this controller answers, begun from a control (4,) or anew."""
+    """From row `first` on, up to the next stretch, this controller answers, begun from a control (4,) or anew."""
 
     first: int
     controller: Controller
@@ -21,7 +21,7 @@ class Stretch(NamedTuple):
 
 
 def decide_again(stretches: Sequence[Stretch], states: Array, reference: Array) -> Array:
-    """Commands (K, 4) at states (K+1, 13) and reference (K + longest preview,); the first stretch begins at 0."""
+    """Commands (K, 4) at states (K+1, 13) and reference (K + longest preview,); a stretch begins at row 0."""
     steps = len(states) - 1
     ends = [stretch.first for stretch in stretches[1:]] + [steps]
     commands = np.empty((steps, len(CONTROL_NAMES)))

@@ -73,6 +73,9 @@ def _draw(found: Check, asked: str, path: Path) -> None:
 
 def _show(values: dict[str, Any]) -> None:
     console = Console()
+    if values["first_step"]:
+        begins = f"checked from step {values['first_step']} on, where the controller began anew"
+        console.print(Text(f"{begins}: the recording lacks the beginning"), soft_wrap=True)
     if values["equal"]:
         console.print(
             Text(f"{values['asked']}: all {values['steps']} commands are the recorded ones, bit for bit")

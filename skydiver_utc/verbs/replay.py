@@ -49,12 +49,15 @@ def replay(
         try:
             nodes.start(PLAYER, parameters)
             with keys() as pressed, _progress(quiet) as show:
-                _follow(nodes, pressed, show, "" if quiet else f"playing {place}")
+                not_sent = _follow(nodes, pressed, show, "" if quiet else f"playing {place}")
         except KeyboardInterrupt:
             click.echo("stopped", err=True)
             return _STOPPED
         if nodes.ending(PLAYER) != "exit code 0":
             raise VerbError(f"the recording cannot be played: {_reason(nodes.last_lines(PLAYER))}")
+    if not_sent:
+        told = ", ".join(f"{count} on {name}" for name, count in not_sent.items())
+        click.echo(f"not sent because they are no messages of their topic's type: {told}", err=True)
     return 0
 
 
@@ -66,16 +69,20 @@ def _reason(last_lines: str) -> str:
 
 def _follow(
     nodes: NodeProcesses, pressed: Callable[[], str], show: Callable[[dict[str, Any]], None], told: str
-) -> None:
+) -> dict[str, int]:
+    """Until the player ends; how many messages of which topics it could not send."""
     listens = False  # only a player that reports takes the signal, another one would end of it
+    not_sent: dict[str, int] = {}
     while not nodes.ended(PLAYER):
         for report in nodes.reports():
             if told and not listens:
                 click.echo(f"{told}; the space bar pauses and goes on, Ctrl-C ends", err=True)
             listens = True
+            not_sent = report["not_sent"]
             show(report)
         if pressed().count(_PAUSE_KEY) % 2 and listens:
             nodes.send(PLAYER, signal.SIGUSR1)
+    return not_sent
 
 
 @contextmanager

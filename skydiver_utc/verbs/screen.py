@@ -11,7 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
-from skydiver_utc.analysis.labels import rows
+from skydiver_utc.analysis.labels import missing, rows
 from skydiver_utc.parameters import Scenario
 
 Progressed = Callable[[int, int], None]  # told (steps done, steps in all)
@@ -64,7 +64,8 @@ def show_metrics(values: dict[str, Any], title: str) -> None:
     for row in rows(values):
         table.add_row(*row)
     show_tables(table)
-    Console().print(Text(values["reason"]), soft_wrap=True)
+    for sentence in filter(None, (values["reason"], missing(values))):
+        Console().print(Text(sentence), soft_wrap=True)
 
 
 def show_tables(*tables: Table) -> None:
