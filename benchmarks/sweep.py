@@ -2,24 +2,30 @@
 
 The skydiver follows sines of every amplitude and frequency of a grid, with one setting of a controller at a time:
 UTC as the paper has it, UTC with the options beyond the paper, and Gauss-Newton predictive control with one held
-control, which has UTC's parametrisation. What one of them follows, the body can do; what all lose, it may still do.
+control, which has UTC's parametrisation. What one of them follows, the body can do. Where the body itself is at
+its end, whoever controls it, its largest yaw acceleration tells (reachability.py): in the straight fall, and along
+each flight of Gauss-Newton.
 """
 
 from pathlib import Path
 
 import click
 import numpy as np
+import reachability
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.parameters import load_scenario
 from skydiver_utc.simulation.closed_loop import simulate
+from skydiver_utc.simulation.flight import Flight
 
 AMPLITUDES = (100, 200, 300, 400)
 FREQUENCIES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
+GAUSS_NEWTON = "Gauss-Newton, one held control"
+ASKED = "Asked of the body"
 FLOWN = {
     "UTC, the paper's setting": "fast_turn_unknown_dynamics",
     "UTC, beyond the paper": "fast_turn_beyond_the_paper",
-    "Gauss-Newton, one held control": "fast_turn_gauss_newton_held",
+    GAUSS_NEWTON: "fast_turn_gauss_newton_held",
 }
 
 
@@ -28,15 +34,16 @@ def turn_of(amplitude: float, frequency: float) -> dict[str, float | int]:
     return {"reference.amplitude_deg_s": float(amplitude), "reference.frequency_hz": frequency}
 
 
-def sweep(scenario: str) -> tuple[np.ndarray, np.ndarray]:
-    """RMSE after 2 s [deg/s] and convergence time [s, inf for never], one row per amplitude."""
-    rmse, converged = (np.empty((len(AMPLITUDES), len(FREQUENCIES))) for _ in range(2))
-    for i, amplitude in enumerate(AMPLITUDES):
-        for j, frequency in enumerate(FREQUENCIES):
-            values = metrics(simulate(load_scenario(scenario, turn_of(amplitude, frequency))))
-            since = values["convergence_time_s"]
-            rmse[i, j], converged[i, j] = values["rmse_deg_s"], np.inf if since is None else since
-    return rmse, converged
+def sweep(scenario: str) -> list[list[Flight]]:
+    """Each turn flown, one row per amplitude."""
+    return [[simulate(load_scenario(scenario, turn_of(a, f))) for f in FREQUENCIES] for a in AMPLITUDES]
+
+
+def result(flight: Flight) -> tuple[float, float]:
+    """RMSE after 2 s [deg/s] and convergence time [s], inf for never."""
+    values = metrics(flight)
+    since = values["convergence_time_s"]
+    return values["rmse_deg_s"], np.inf if since is None else since
 
 
 def shown(value: float) -> str:
@@ -45,43 +52,64 @@ def shown(value: float) -> str:
 
 
 def draw(path: Path, maps: dict[str, np.ndarray]) -> None:
-    """One map of the RMSE per setting."""
+    """One map of the RMSE per setting, and one of what the turns ask of the body."""
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
-    from matplotlib.colors import LogNorm
+    from matplotlib.colors import LogNorm, TwoSlopeNorm
 
-    figure, axes = pyplot.subplots(1, len(maps), figsize=(12, 3.4), sharey=True, layout="constrained")
-    for axis, (name, rmse) in zip(axes, maps.items(), strict=True):
-        image = axis.pcolormesh(
-            FREQUENCIES, AMPLITUDES, rmse, norm=LogNorm(0.02, 300), cmap="viridis_r", shading="nearest"
+    figure, axes = pyplot.subplots(1, len(maps), figsize=(14.5, 3.6), sharey=True, layout="constrained")
+    for axis, (name, values) in zip(axes, maps.items(), strict=True):
+        asked = name == ASKED
+        norm, colours = (
+            (TwoSlopeNorm(1.0, 0.0, 1.5), "RdBu_r") if asked else (LogNorm(0.02, 300), "viridis_r")
         )
-        for i, amplitude in enumerate(AMPLITUDES):
-            for j, frequency in enumerate(FREQUENCIES):
-                shade = "white" if rmse[i, j] > 10 else "black"
-                axis.text(
-                    frequency, amplitude, shown(rmse[i, j]), ha="center", va="center", color=shade, size=8
-                )
+        image = axis.pcolormesh(FREQUENCIES, AMPLITUDES, values, norm=norm, cmap=colours, shading="nearest")
+        dark = values < 0.3 if asked else values > 10
+        for (i, j), value in np.ndenumerate(values):
+            shade = "white" if dark[i, j] else "black"
+            place = (FREQUENCIES[j], AMPLITUDES[i])
+            axis.text(*place, shown(value), ha="center", va="center", color=shade, size=8)
         axis.set(title=name, xlabel="frequency [Hz]", yticks=AMPLITUDES)
+        if asked:
+            figure.colorbar(image, ax=axis, label="share of the largest yaw acceleration")
+        else:
+            of_rmse = image
     axes[0].set_ylabel("amplitude [deg/s]")
-    figure.colorbar(image, ax=axes, label="RMSE after 2 s [deg/s]")
+    figure.colorbar(of_rmse, ax=axes[:-1], label="RMSE after 2 s [deg/s]")
     figure.savefig(path, dpi=110)
+
+
+def tell(title: str, cells: list[list[str]]) -> None:
+    """One table, a row per amplitude."""
+    print(
+        f"\n{title}\n\n| amplitude | " + " | ".join(f"{frequency:g} Hz" for frequency in FREQUENCIES) + " |"
+    )
+    print("|---" * (len(FREQUENCIES) + 1) + "|")
+    for amplitude, row in zip(AMPLITUDES, cells, strict=True):
+        print(f"| {amplitude} | " + " | ".join(row) + " |", flush=True)
 
 
 @click.command(help=__doc__)
 @click.option("--figure", type=click.Path(path_type=Path), help="Write the maps of the RMSE here.")
 def main(figure: Path | None) -> None:
-    """Print one table per setting, and draw them."""
+    """Print one table per setting and two of what is asked of the body, and draw them."""
     maps = {}
     for name, scenario in FLOWN.items():
-        maps[name], converged = sweep(scenario)
-        print(f"\n{name}: RMSE after 2 s [deg/s] (converged after [s])\n")
-        print("| amplitude | " + " | ".join(f"{frequency:g} Hz" for frequency in FREQUENCIES) + " |")
-        print("|---" * (len(FREQUENCIES) + 1) + "|")
-        for amplitude, row, times in zip(AMPLITUDES, maps[name], converged, strict=True):
-            cells = [f"{shown(value)} ({time:.1f})" for value, time in zip(row, times, strict=True)]
-            print(f"| {amplitude} | " + " | ".join(cells) + " |", flush=True)
+        flights = sweep(scenario)
+        results = [[result(flight) for flight in row] for row in flights]
+        maps[name] = np.array(results)[..., 0]
+        title = f"{name}: RMSE after 2 s [deg/s] (converged after [s])"
+        tell(title, [[f"{shown(rmse)} ({since:.1f})" for rmse, since in row] for row in results])
+        if name == GAUSS_NEWTON:
+            shares = [[reachability.in_flight(flight) for flight in row] for row in flights]
+            title = f"{name}: share of the largest yaw acceleration asked for, at most (above 1 for so long)"
+            tell(title, [[f"{largest:.2f} ({above:.0%})" for largest, above in row] for row in shares])
+    maps[ASKED] = reachability.of_sines(load_scenario(FLOWN[GAUSS_NEWTON]), AMPLITUDES, FREQUENCIES)
+    tell(
+        f"{ASKED}, straight fall: the same share", [[f"{share:.2f}" for share in row] for row in maps[ASKED]]
+    )
     if figure is not None:
         draw(figure, maps)
 

@@ -1,0 +1,65 @@
+"""What a turn asks of the body, without any controller: its acceleration as a share of the largest there is.
+
+The largest is over all held postures and controls within their bounds. The acceleration is linear in damping and
+hands, so that their bounds are enough; over alpha it is a grid. Where a share passes 1, no controller follows. Only
+speeding up is looked at: slowing down is easier, the damping helps.
+"""
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.parameters import Scenario
+from skydiver_utc.plant.model import build_model
+from skydiver_utc.plant.steady import HeldBody, straight_falls
+from skydiver_utc.simulation.flight import Flight
+
+Array = NDArray[np.float64]
+
+_YAW = 2  # of the body rates (3,)
+_UP = np.array([0.0, 0.0, 1.0])  # any: no moment depends on it
+_ALPHAS, _RATES, _PHASES = 31, 46, 181
+_BEGIN_S, _EACH_S = 2.0, 0.05
+
+
+def bodies_at_the_bounds(scenario: Scenario) -> list[HeldBody]:
+    """Those among which each largest yaw acceleration is."""
+    model, limits = build_model(scenario), scenario.plant.limits
+    controls = product(limits.Cm_damp_yaw, limits.k_right, limits.k_left, np.linspace(*limits.alpha, _ALPHAS))
+    return [HeldBody(model, np.array(control)) for control in controls]
+
+
+def yaw_accelerations(bodies: list[HeldBody], velocity: Array, rates: Array) -> Array:
+    """Of each body [rad/s2], at this velocity (3,) [m/s] and these rates (3,) [rad/s] in body axes."""
+    return np.array([body.accelerations(_UP, velocity, rates)[3 + _YAW] for body in bodies])
+
+
+def of_sines(scenario: Scenario, amplitudes: tuple[float, ...], frequencies: tuple[float, ...]) -> Array:
+    """The largest share each sine asks for in the attitude of the straight fall, turning about the vertical.
+
+    One row per amplitude [deg/s], one column per frequency [Hz].
+    """
+    bodies, fall = bodies_at_the_bounds(scenario), straight_falls(build_model(scenario))[0]
+    rates = np.linspace(0.0, np.deg2rad(max(amplitudes)), _RATES)
+    turns = (fall.up * (rate / fall.up[_YAW]) for rate in rates)
+    largest = np.array([yaw_accelerations(bodies, fall.velocity, turn).max() for turn in turns])
+    phases = np.linspace(0.0, np.pi / 2, _PHASES)
+
+    def share(amplitude: float, frequency: float) -> float:
+        asked = amplitude * 2 * np.pi * frequency * np.cos(phases)
+        return float((asked / np.interp(amplitude * np.sin(phases), rates, largest)).max())
+
+    return np.array([[share(np.deg2rad(a), f) for f in frequencies] for a in amplitudes])
+
+
+def in_flight(flight: Flight) -> tuple[float, float]:
+    """The largest share after 2 s that the reference asks for where this flight is, and how often it passes 1."""
+    bodies, dt_s = bodies_at_the_bounds(flight.scenario), flight.scenario.dt_s
+    shares = []
+    for k in range(round(_BEGIN_S / dt_s), len(flight.reference) - 1, round(_EACH_S / dt_s)):
+        asked = (flight.reference[k + 1] - flight.reference[k]) / dt_s
+        if asked * flight.reference[k] > 0.0:
+            there = yaw_accelerations(bodies, flight.states[k, 7:10], flight.states[k, 10:13])
+            shares.append(asked / (there.max() if asked > 0.0 else there.min()))
+    return max(shares), float(np.mean(np.array(shares) > 1.0))
