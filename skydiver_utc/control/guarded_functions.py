@@ -25,8 +25,8 @@ class GuardedFunctions:
 
     An ArithmeticError, ValueError (LinAlgError is one) or IndexError of any of them means that the sigma point has
     diverged: what it stands for is NaN from there on, and `cause` tells of the first such error, "" without one.
-    Every other error becomes a ValueError that names the function and the step of the horizon, and so does what is
-    returned in another shape: states (n,), outputs (l,), controls (m,), where one number may stand for (1,).
+    Every other error of Python's own becomes a ValueError that names function and step of the horizon, and so does
+    what is returned in another shape: states (n,), outputs (l,), controls (m,); one number may stand for (1,).
     """
 
     def __init__(
