@@ -23,7 +23,7 @@ from sweep import AMPLITUDES, FREQUENCIES, turn_of
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.control.protocol import Controller
-from skydiver_utc.parameters import Leaf, Scenario, leaves, load_scenario
+from skydiver_utc.parameters import Leaf, Scenario, UtcParameters, leaves, load_scenario
 from skydiver_utc.simulation.build import build_controller
 from skydiver_utc.simulation.closed_loop import simulate
 from skydiver_utc.simulation.outcome import Outcome
@@ -159,7 +159,12 @@ def admitted(value: float, start: float | int, leaf: Leaf) -> float | int:
 def search(subject: Subject, turns: list[Values], flights: int, seed: int) -> Iterator[tuple[Values, float]]:
     """Flown parameters with their objectives."""
     generator = np.random.default_rng(seed)
-    bounds = {leaf.name: leaf for leaf in leaves(scenario_of(subject, subject.start, {}))}
+    scenario = scenario_of(subject, subject.start, {})
+    bounds = {leaf.name: leaf for leaf in leaves(scenario)}
+    if isinstance(scenario.controller, UtcParameters):
+        # A rest that cannot be reached is refused.
+        rest, (low, high) = "controller.rest_Cm_damp_yaw", scenario.plant.limits.Cm_damp_yaw
+        bounds[rest] = bounds[rest]._replace(minimum=low, maximum=high)
     names = list(subject.start)
     start = np.log([subject.start[name] for name in names])
     reach = math.log(FACTOR)

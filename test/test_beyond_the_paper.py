@@ -78,14 +78,62 @@ def test_a_control_that_no_output_sees_goes_to_its_rest():
         ({"P_rest": [1.0, 2.0, 3.0]}, "P_rest has shape"),
         ({"P_rest": np.nan}, "P_rest must be above zero"),
         ({"P_rest": 1.0, "rest": np.inf}, "rest holds a value that is not finite"),
+        (
+            {"P_rest": 1.0, "rest": 9.0},
+            r"^rest of control 0 is 9, outside its bounds -1 \.\. 2: change one\.$",
+        ),
+        ({"P_rest": [np.inf, 1.0], "rest": -1.5}, r"^rest of control 1 is -1\.5, outside its bounds"),
     ],
 )
 def test_a_wrong_rest_is_named(given, named):
     with pytest.raises(ValueError, match=named):
-        UnscentedTransformController(
-            lambda x, u, dt: np.array([u[0] + u[1]]), state=[0.0], control=[0.0, 0.0], dt=1.0, horizon=1, Pu=1.0,
-            **given,
-        )  # fmt: skip
+        drawn_sum(**given)
+
+
+@pytest.mark.parametrize(
+    "given", [{"P_rest": 1.0, "rest": 2.0}, {"P_rest": [np.inf, 1.0], "rest": [9.0, -1.0]}]
+)
+def test_a_rest_on_a_bound_is_taken_and_that_of_a_free_control_is_not_asked(given):
+    assert drawn_sum(**given).step([0.0], 0.5).status is Status.SOLVED
+
+
+def drawn_sum(**given):
+    return UnscentedTransformController(
+        lambda x, u, dt: np.array([u[0] + u[1]]), state=[0.0], control=[0.0, 0.0], dt=1.0, horizon=1, Pu=1e-2,
+        minimum=-1.0, maximum=2.0, **given,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"rest_Cm_damp_yaw": 9.0}, "rest_Cm_damp_yaw is 9 without P_rest_Cm_damp_yaw"),
+        (
+            {"rest_Cm_damp_yaw": 0.3, "P_rest_hands": 1.0},
+            "rest_Cm_damp_yaw is 0.3 without P_rest_Cm_damp_yaw",
+        ),
+        (
+            {"rest_Cm_damp_yaw": 9.0, "P_rest_Cm_damp_yaw": 0.05},
+            "draws Cm_damp_yaw to rest at 9, outside plant.limits.Cm_damp_yaw [0.01, 6.0]",
+        ),
+        ({"P_rest_Cm_damp_yaw": 0.05}, "draws Cm_damp_yaw to rest at 0, outside plant.limits.Cm_damp_yaw"),
+    ],
+)
+def test_a_wrong_rest_of_the_skydiver_is_named(given, told):
+    with pytest.raises(ParameterError) as raised:
+        load_scenario("fast_turn_unknown_dynamics", {f"controller.{name}": v for name, v in given.items()})
+    assert told in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_control_whose_limits_leave_its_rest_out_is_named():
+    """Hands are at rest at zero."""
+    changes = {
+        "controller.P_rest_hands": 1.0, "plant.limits.k_left": [0.5, 5.0], "initial.k_left": 1.0,
+    }  # fmt: skip
+    with pytest.raises(ParameterError, match=r"draws k_left to rest at 0, outside plant\.limits\.k_left"):
+        load_scenario("fast_turn_unknown_dynamics", changes)
+    assert load_scenario("fast_turn_unknown_dynamics", changes | {"controller.P_rest_hands": 0.0})
 
 
 def test_the_skydivers_controls_at_rest_are_outputs_of_the_papers_form():
@@ -184,6 +232,18 @@ def test_a_point_lost_in_a_later_iteration_leaves_the_pass_before():
     np.testing.assert_array_equal(other.control, one.control)
 
 
+@pytest.mark.parametrize("iterations", [1, 2, 4])
+def test_what_every_iteration_repairs_adds_up(iterations):
+    """y = u: each pass leaves Pu P_err / (Pu + P_err) = 0.2 of Pu = 1, the next lifts that to the floor of 0.3."""
+    controller = UnscentedTransformController(
+        lambda x, u, dt: u + 0.0 * x, state=[0.0], control=0.1, dt=1.0, horizon=1, Pu=1.0, Qu=0.0, P_err=0.25,
+        iterations=iterations, covariance_floor=0.3,
+    )  # fmt: skip
+    result = controller.step([0.0], 1.0)
+    assert result.repaired == pytest.approx((iterations - 1) * (0.3 - 0.2), rel=1e-9)
+    assert result.status is (Status.SOLVED if iterations == 1 else Status.REPAIRED)
+
+
 @pytest.mark.parametrize("options", [{"W0": -0.1}, {"square_root": True}])
 def test_iterations_refuse_what_they_cannot_do(options):
     with pytest.raises(ValueError, match="iterations is 2"):
@@ -200,7 +260,12 @@ def test_the_skydivers_iterations_refuse_what_they_cannot_do():
 
 def test_the_skydiver_flies_with_iterations():
     """They gain nothing here (docs/beyond.md), and lose nothing in the first three seconds."""
-    settings = {"controller.iterations": 2, "controller.P_rest_Cm_damp_yaw": 0.1, "duration_s": 3.0}
+    settings = {
+        "controller.iterations": 2,
+        "controller.rest_Cm_damp_yaw": 0.01,
+        "controller.P_rest_Cm_damp_yaw": 0.1,
+        "duration_s": 3.0,
+    }
     flown = metrics(simulate(load_scenario("fast_turn_unknown_dynamics", settings)))
     assert flown["outcome"] == "completed"
     assert flown["rmse_deg_s"] < 20.0
@@ -231,7 +296,8 @@ def test_controls_drawn_to_rest_keep_turns_that_are_lost_without(amplitude, freq
         "reference.frequency_hz": frequency,
         "duration_s": 2.0 + 1.0 / frequency,
     }
-    free = {"controller.P_rest_Cm_damp_yaw": 0.0, "controller.P_rest_hands": 0.0}
+    drawn_names = ("rest_Cm_damp_yaw", "P_rest_Cm_damp_yaw", "P_rest_hands")
+    free = {f"controller.{name}": 0.0 for name in drawn_names}
     drawn, lost = (
         metrics(simulate(load_scenario("fast_turn_beyond_the_paper", turn | more))) for more in ({}, free)
     )

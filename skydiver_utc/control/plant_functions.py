@@ -21,17 +21,16 @@ ControlDynamics = Callable[[Array, Array, Array, Array, int], Any]
 
 _PLANT = "plant must be a function (state, control, dt) -> state, or (state, control, dt, out)"
 _DYNAMICS = "control_dynamics must be a function (point, control, state, preview, j) -> control, or None"
-# What a function of a user raises on arguments that it was not written for.
-_MISTAKES = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, NumbaError)
+# What a function raises that has left where it is defined: LinAlgError is a ValueError.
+LEFT_ITS_DOMAIN = (ArithmeticError, ValueError, IndexError)
+# What else one raises that was not written for its arguments.
+MISTAKES = (AssertionError, AttributeError, LookupError, NameError, RuntimeError, TypeError, NumbaError)
 
 
 def outputs(plant: Any, output: Any, state: Array, control: Array, dt: float) -> int:
     """How many outputs the output map has, after one step of the plant from an example."""
-    following = np.empty_like(state)
-    if writes_into(plant):
-        _tried("plant", control, plant, state.copy(), control.copy(), dt, following)
-    else:
-        following = _tried("plant", control, plant, state.copy(), control.copy(), dt)
+    written = np.full_like(state, np.nan)
+    following = _tried("plant", control, in_one_form(plant), state.copy(), control.copy(), dt, written)
     if following.shape != state.shape:
         raise ValueError(f"plant returns shape {following.shape} for a state of shape {state.shape}.")
     if not np.isfinite(following).all():
@@ -79,6 +78,29 @@ def writes_into(plant: Any) -> bool:
     return needed == 4
 
 
+def in_one_form(plant: Any) -> Callable[[Array, Array, float, Array], Any]:
+    """The plant as (state, control, dt, out) -> state one step later, whichever of its two forms it has."""
+    writes = writes_into(plant)
+
+    def following(state: Array, control: Array, dt: float, out: Array) -> Any:
+        if not writes:
+            return plant(state, control, dt)
+        plant(state, control, dt, out)
+        return out
+
+    return following
+
+
+def as_numbers(returned: Any) -> Array:
+    """What a function returned, as an array of numbers; raises on None and on complex numbers."""
+    if returned is None:
+        raise TypeError("it returns None")
+    found = np.asarray(returned)
+    if found.dtype.kind == "c":
+        raise ArithmeticError("it returns complex numbers")
+    return np.asarray(found, dtype=float)
+
+
 def one_line(error: BaseException) -> str:
     """What an error says, numba's many lines reduced to the one that tells what was not possible."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
@@ -93,14 +115,15 @@ def one_line(error: BaseException) -> str:
 def _tried(name: str, control: Array, function: Any, *example: Any) -> Array:
     """What the function returns on an example, as an array of numbers."""
     try:
-        found = np.asarray(function(*example))
-        if np.iscomplexobj(found):
-            raise TypeError("it returns complex numbers")
-        return np.asarray(found, dtype=float)
-    except _MISTAKES as error:
+        returned = function(*example)
+        found = None if returned is None else as_numbers(returned)
+    except (*LEFT_ITS_DOMAIN, *MISTAKES) as error:
         hint = ""
         if name != "output" and not isinstance(error, (ArithmeticError, LookupError)):
             hint = f"; control is an array of shape {control.shape}: its first entry is u[0], not u"
         raise ValueError(
             f"{name} fails on the example given ({type(error).__name__}: {one_line(error)}){hint}."
         ) from error
+    if found is None:
+        raise ValueError(f"{name} returns None on the example given: write its return.")
+    return found

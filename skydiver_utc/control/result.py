@@ -22,6 +22,7 @@ class UtcResult:
     covariance (m, m): Pu after the step
     repaired: what had to be added to the eigenvalues of Pu before its root could be taken
     lost: how many of the 2m+1 sigma points diverged inside the horizon and were left out
+    cause: the first error of plant, output or control dynamics by which a point diverged, "" where none raised one
     recovery: what was done where a negative W0, rounding or a failed step asked for more
     status, sentence: what happened, as a code and in words
     """
@@ -32,6 +33,7 @@ class UtcResult:
     covariance: Array
     repaired: float
     lost: int
+    cause: str
     recovery: Recovery
     status: Status
     limited: tuple[str, ...]
@@ -53,7 +55,8 @@ class UtcResult:
             return f"The previous control was kept: {self.reason}{again}."
         told = []
         if self.lost:
-            told.append(f"{self.lost} of {2 * len(self.control) + 1} sigma points diverged and were left out")
+            what = "diverged and were left out"
+            told.append(lost_in_words(self.lost, len(self.control), what, self.cause))
         if self.repaired > 0.0 and self.status is Status.REPAIRED:
             told.append(f"eigenvalues of Pu were lifted by {self.repaired:.3g} in all")
         if self.recovery is Recovery.ABOUT_CENTRE:
@@ -66,6 +69,11 @@ class UtcResult:
         if not told:
             return f"Solved; the reference is {np.abs(self.innovation).max():.3g} from the predicted output."
         return f"{self.status.name.capitalize()}: {'; '.join(told)}."
+
+
+def lost_in_words(lost: int, m: int, what: str, cause: str) -> str:
+    """How many of the sigma points of m controls were lost, and by which error."""
+    return f"{lost} of {2 * m + 1} sigma points {what}" + (f" ({cause})" if cause else "")
 
 
 def limits_met(control: Array, before: Array, minimum: Array, maximum: Array, slew: Array) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """The predict function of a plant that is given as functions, jitted or plain Python.
 
-One text serves both: `_roll_out` is compiled when the plant is a numba function and interpreted when it is not.
+One text serves both: `_roll_out` is compiled when the plant is a numba function, and interpreted when it is not and
+where compiled code raised an error.
 """
 
 from functools import lru_cache
@@ -11,8 +12,17 @@ import numpy as np
 from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
+from skydiver_utc.control.guarded_functions import GuardedFunctions
 from skydiver_utc.control.limits import ControlLimits
-from skydiver_utc.control.plant_functions import ControlDynamics, Output, Plant, one_line, writes_into
+from skydiver_utc.control.plant_functions import (
+    LEFT_ITS_DOMAIN,
+    MISTAKES,
+    ControlDynamics,
+    Output,
+    Plant,
+    one_line,
+    writes_into,
+)
 
 Array = NDArray[np.float64]
 
@@ -20,7 +30,7 @@ Array = NDArray[np.float64]
 class RollOut:
     """Drives each sigma point to the horizon; see `skydiver_utc.control.utc.Predict`.
 
-    `steps` holds the steps at which outputs are taken, in rising order; all of their outputs stand in one row, and
+    `steps` holds the steps at which outputs (l,) are taken, in rising order; all of them stand in one row, and
     after them the controls whose indices are in `drawn`, which are drawn to rest.
     """
 
@@ -33,54 +43,63 @@ class RollOut:
         dt: float,
         limits: ControlLimits,
         states: int,
+        outputs: int,
         drawn: NDArray[np.int64],
     ) -> None:
         self.jitted = is_jitted(plant)
         dynamics = _held if control_dynamics is None else control_dynamics
-        self._roll_out = (
-            _compiled(plant, output, dynamics) if self.jitted else _plain(plant, output, dynamics)
-        )
-        self._steps = np.array(steps, dtype=np.int64)
-        self._drawn = drawn
-        self._own_dynamics = control_dynamics is not None
-        self._dt = dt
-        self._limits = limits
         m = len(limits.minimum)
+        guarded = self._guarded = GuardedFunctions(plant, output, dynamics, states, outputs, m)
+        self._plain = _roll_out(guarded.plant, guarded.output, guarded.dynamics)
+        self._roll_out = _compiled(plant, output, dynamics) if self.jitted else self._plain
+        self._constant = (
+            np.array(steps, dtype=np.int64), drawn, dt, control_dynamics is not None,
+            limits.minimum, limits.maximum, limits.slew,
+        )  # fmt: skip
         self._work = (np.empty(states), np.empty(states), np.empty(m))
+
+    @property
+    def cause(self) -> str:
+        """The first error by which a point of the last call diverged, in words; "" without one."""
+        return self._guarded.cause
 
     def check(self, *example: Any) -> None:
         """Compile on an example, so that numba's objection to a function becomes one sentence."""
-        try:
-            self(*example)
-        except NumbaError as error:
-            raise ValueError(
-                f"plant is jitted, but it or output or control_dynamics does not compile: {one_line(error)}."
-            ) from error
+        if self.jitted:
+            given = self._given(*example)
+            try:
+                self._roll_out.compile(tuple(map(numba.typeof, given)))
+            except NumbaError as error:
+                raise ValueError(
+                    "plant is jitted, but it or output or control_dynamics does not compile:"
+                    f" {one_line(error)}."
+                ) from error
+        self(*example)
 
     def __call__(
         self, state: Array, applied: Array, points: Array, preview: Array, outputs: Array, saved: Array
     ) -> None:
         """Write outputs (2m+1, l), NaN where a point diverged, and the controls (2m+1, m) that stand for points."""
-        try:
-            with np.errstate(all="ignore"):
-                self._roll_out(
-                    state, applied, points, preview, self._steps, self._drawn, self._dt, self._own_dynamics,
-                    self._limits.minimum, self._limits.maximum, self._limits.slew, outputs, saved, *self._work,
-                )  # fmt: skip
-        except ArithmeticError as error:
-            raise ValueError(
-                f"plant is jitted, and it or output or control_dynamics raises {type(error).__name__}"
-                f' ({one_line(error)}); jit it with @njit(error_model="numpy"), so that it goes on with infinity.'
-            ) from error
+        given = self._given(state, applied, points, preview, outputs, saved)
+        self._guarded.cause = ""
+        with np.errstate(all="ignore"):
+            try:
+                self._roll_out(*given)
+            except (*LEFT_ITS_DOMAIN, *MISTAKES):
+                if not self.jitted:
+                    raise
+                # Compiled code cannot go on, nor tell point, function and step: the same again from Python.
+                self._plain(*given)
+
+    def _given(
+        self, state: Array, applied: Array, points: Array, preview: Array, outputs: Array, saved: Array
+    ) -> tuple[Any, ...]:
+        return (state, applied, points, preview, *self._constant, outputs, saved, *self._work)
 
 
 def is_jitted(function: object) -> bool:
     """Whether numba can call the function from compiled code."""
     return isinstance(function, numba.core.dispatcher.Dispatcher)
-
-
-def _plain(plant: Any, output: Any, dynamics: Any) -> Any:
-    return _roll_out(_guarded_plant(_writing(plant)), _or_nan(output), _or_nan(dynamics, of_control=True))
 
 
 @lru_cache(maxsize=64)
@@ -96,51 +115,17 @@ def _jit(function: Any) -> Any:
 
 
 def _writing(plant: Any) -> Any:
-    """The plant in the form that writes the next state into its fourth argument."""
+    """The jitted plant in the form that writes the next state into its fourth argument."""
     if writes_into(plant):
         return plant
 
     def write(state: Array, control: Array, dt: float, out: Array) -> None:
-        out[:] = plant(state, control, dt)
+        following = plant(state, control, dt)
+        if len(following) != len(out):
+            raise ValueError
+        out[:] = following
 
     return write
-
-
-def _guarded_plant(write: Any) -> Any:
-    """Plain Python raises where compiled code goes on with infinity: both mean that the point diverged."""
-
-    def guarded(state: Array, control: Array, dt: float, out: Array) -> None:
-        out[:] = np.nan
-        # Control dynamics that diverged: the plant need not know what to do with NaN.
-        if not np.isfinite(control).all():
-            return
-        try:
-            write(state, control, dt, out)
-        except (ArithmeticError, ValueError) as error:
-            _only_arithmetic(error)
-            out[:] = np.nan
-
-    return guarded
-
-
-def _or_nan(function: Any, *, of_control: bool = False) -> Any:
-    """The output map or the control dynamics, NaN where the arithmetic fails."""
-
-    def guarded(*given: Any) -> Any:
-        try:
-            return function(*given)
-        except (ArithmeticError, ValueError) as error:
-            _only_arithmetic(error)
-            return np.full_like(given[0], np.nan) if of_control else np.nan
-
-    return guarded
-
-
-def _only_arithmetic(error: Exception) -> None:
-    """Raise again what is no failure of the arithmetic; math.sqrt(-1.0) is one, and a matrix without inverse."""
-    if isinstance(error, (ArithmeticError, np.linalg.LinAlgError)) or str(error) == "math domain error":
-        return
-    raise error
 
 
 def _held(point: Array, control: Array, state: Array, preview: Array, j: int) -> Array:

@@ -9,7 +9,7 @@ from skydiver_utc.control import arguments, plant_functions
 from skydiver_utc.control.limits import ControlLimits
 from skydiver_utc.control.plant_functions import ControlDynamics, Output, Plant
 from skydiver_utc.control.protocol import Status
-from skydiver_utc.control.result import UtcResult, limits_met
+from skydiver_utc.control.result import UtcResult, limits_met, lost_in_words
 from skydiver_utc.control.roll_out import RollOut
 from skydiver_utc.control.utc import UtcLaw
 from skydiver_utc.control.utc_step import Recovery
@@ -81,7 +81,7 @@ class UnscentedTransformController:
         self._steps = _horizon(horizon)
         output = _same if output is None else output
         self._l = plant_functions.outputs(plant, output, start, self._initial_control, dt)
-        drawn, self._rest, P_rest_drawn = _rest(rest, P_rest, self._initial_control)
+        drawn, self._rest, P_rest_drawn = _rest(rest, P_rest, self._initial_control, self._limits)
         self._of_plant = self._l * len(self._steps)
         l_all = self._of_plant + len(drawn)
         preview = np.zeros((self._steps[-1] + 1, self._l))
@@ -100,10 +100,11 @@ class UnscentedTransformController:
         if covariance_floor is not None:
             floor = arguments.number("covariance_floor", covariance_floor, least=0.0)
 
-        roll_out = RollOut(plant, output, control_dynamics, self._steps, dt, self._limits, self._n, drawn)
-        self._jitted = roll_out.jitted
+        self._roll_out = RollOut(
+            plant, output, control_dynamics, self._steps, dt, self._limits, self._n, self._l, drawn
+        )
         self._law = UtcLaw(
-            roll_out,
+            self._roll_out,
             self._limits,
             P_err_all,
             arguments.number("W0", W0, below=1.0),
@@ -113,7 +114,7 @@ class UnscentedTransformController:
             iterations=_iterations(iterations, W0, square_root),
         )
         points = np.tile(self._initial_control, (2 * m + 1, 1))
-        roll_out.check(
+        self._roll_out.check(
             start, self._initial_control, points, preview,
             np.empty((2 * m + 1, l_all)), np.empty((2 * m + 1, m)),
         )  # fmt: skip
@@ -142,7 +143,7 @@ class UnscentedTransformController:
     @property
     def jitted(self) -> bool:
         """Whether the prediction is compiled."""
-        return self._jitted
+        return self._roll_out.jitted
 
     def step(self, state: ArrayLike, reference: ArrayLike, *, Qu: ArrayLike | None = None) -> UtcResult:
         """The control to apply until the next step.
@@ -152,7 +153,8 @@ class UnscentedTransformController:
             j steps from now, of which the rows at the steps of the horizon are tracked
         Qu: what is added to Pu in this step instead of the usual (m, m)
 
-        A state or reference that is not finite keeps the control; a wrong shape is an error.
+        A state or reference that is not finite keeps the control; a wrong shape is a ValueError. What an error of
+        plant, output or control dynamics means: `skydiver_utc.control.guarded_functions`.
         """
         before = self.control
         x = arguments.exactly("state", state, (self._n,))
@@ -167,7 +169,9 @@ class UnscentedTransformController:
         if step.status is Status.KEPT_PREVIOUS:
             reason = "the update of eq:utc_controller is not finite"
             if step.lost == 2 * len(before) + 1:
-                reason = f"{step.lost} of {2 * len(before) + 1} sigma points diverged inside the horizon"
+                reason = lost_in_words(
+                    step.lost, len(before), "diverged inside the horizon", self._roll_out.cause
+                )
         return UtcResult(
             control=step.control,
             predicted=step.predicted[: self._of_plant],
@@ -175,6 +179,7 @@ class UnscentedTransformController:
             covariance=self.Pu,
             repaired=step.repaired,
             lost=step.lost,
+            cause=self._roll_out.cause,
             recovery=step.recovery,
             status=step.status,
             limited=limits_met(step.control, before, *self._limits),
@@ -206,6 +211,7 @@ class UnscentedTransformController:
             covariance=self.Pu,
             repaired=0.0,
             lost=0,
+            cause="",
             recovery=Recovery.NONE,
             status=Status.KEPT_PREVIOUS,
             limited=(),
@@ -230,7 +236,7 @@ def _limits(
 
 
 def _rest(
-    rest: ArrayLike | None, P_rest: ArrayLike | None, control: Array
+    rest: ArrayLike | None, P_rest: ArrayLike | None, control: Array, limits: ControlLimits
 ) -> tuple[NDArray[np.int64], Array, Array]:
     """Which controls are drawn to rest, where that is for them, and the variances of their distance from there."""
     if P_rest is None:
@@ -243,6 +249,12 @@ def _rest(
     if not (variances > 0.0).all():
         raise ValueError("P_rest must be above zero for every control; leave one free with inf.")
     drawn = np.flatnonzero(np.isfinite(variances))
+    for j in drawn:
+        low, high = limits.minimum[j], limits.maximum[j]
+        if not low <= where[j] <= high:
+            raise ValueError(
+                f"rest of control {j} is {where[j]:g}, outside its bounds {low:g} .. {high:g}: change one."
+            )
     return drawn, where[drawn], variances[drawn]
 
 
@@ -255,7 +267,7 @@ def _iterations(iterations: int, W0: float, square_root: bool) -> int:
 
 def _horizon(horizon: int | Sequence[int]) -> tuple[int, ...]:
     plain = horizon.tolist() if isinstance(horizon, np.ndarray) else horizon
-    given = plain if isinstance(plain, Sequence) else (plain,)
+    given = plain if isinstance(plain, Sequence) and not isinstance(plain, (str, bytes)) else (plain,)
     steps = tuple(arguments.count("horizon", step) for step in given)
     if not steps or list(steps) != sorted(set(steps)):
         raise ValueError(f"horizon is {horizon!r}; several steps must be in rising order.")

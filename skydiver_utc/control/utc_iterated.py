@@ -21,7 +21,7 @@ class IteratedUpdate:
     """A UTC step of several passes, as `skydiver_utc.control.utc.WholeStep`.
 
     A pass after the first that loses a point, or that has no finite answer, is not used, and is the last one: the
-    control is then that of the pass before, and the points are told as lost.
+    control is then that of the pass before, and the points are told as lost. What the passes repair of Pu adds up.
     """
 
     def __init__(self, own: Memory, predict: Callable[..., None], iterations: int) -> None:
@@ -48,7 +48,7 @@ class IteratedUpdate:
                 break
             own.control[:] = np.clip(control, own.minimum, own.maximum)
             own.covariance[:] = covariance
-            utc_step.draw(rules, own)
+            repaired += utc_step.draw(rules, own)
             self._predict(state, applied, own.points, preview, own.outputs, own.saved)
             lost = utc_step.means(own)
             again = None if lost else self._posterior(prior, prior_covariance, reference)

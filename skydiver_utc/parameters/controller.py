@@ -151,7 +151,13 @@ class UtcParameters(Parameters, frozen=True, kw_only=True, tag_field="kind", tag
         ),
     ] = "end_point"
     rest_Cm_damp_yaw: Annotated[
-        float, quantity("1", "yaw damping coefficient at rest, see P_rest_Cm_damp_yaw", ge=0, le=50)
+        float,
+        quantity(
+            "1",
+            "yaw damping coefficient at rest, inside its limits, see P_rest_Cm_damp_yaw; 0: not given",
+            ge=0,
+            le=50,
+        ),
     ] = 0.0
     P_rest_Cm_damp_yaw: Annotated[
         float,
@@ -188,6 +194,13 @@ class UtcParameters(Parameters, frozen=True, kw_only=True, tag_field="kind", tag
             le=20,
         ),
     ] = 1
+
+    def __post_init__(self) -> None:
+        if self.rest_Cm_damp_yaw and not self.P_rest_Cm_damp_yaw:
+            raise ValueError(
+                f"rest_Cm_damp_yaw is {self.rest_Cm_damp_yaw:g} without P_rest_Cm_damp_yaw: say how far from rest"
+                " the coefficient may be, or set rest_Cm_damp_yaw to 0"
+            )
 
     @property
     def P_rest(self) -> tuple[float, ...]:

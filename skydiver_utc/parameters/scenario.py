@@ -11,6 +11,7 @@ from skydiver_utc.parameters.reference import PostureReference, Reference, Rotat
 
 # Fewer steps would not show a rotation's rise and fall.
 _SHORTEST_ROTATION = 10
+_CONTROLS = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
 
 
 class Scenario(Parameters, frozen=True, kw_only=True):
@@ -47,7 +48,9 @@ class Scenario(Parameters, frozen=True, kw_only=True):
             )
         limits = self.plant.limits
         self._refuse_angles_beyond(limits.alpha)
-        for name in ("Cm_damp_yaw", "k_right", "k_left", "alpha"):
+        if isinstance(self.controller, UtcParameters):
+            self._refuse_rest_beyond(self.controller)
+        for name in _CONTROLS:
             lower, upper = getattr(limits, name)
             if not lower <= getattr(self.initial, name) <= upper:
                 raise ValueError(f"initial.{name} must lie inside its limits [{lower}, {upper}]")
@@ -71,6 +74,15 @@ class Scenario(Parameters, frozen=True, kw_only=True):
                 f"reference.duration_s must be at least {_SHORTEST_ROTATION} steps of dt_s, it is"
                 f" {self.reference.duration_s}: the reference would not be seen"
             )
+
+    def _refuse_rest_beyond(self, controller: UtcParameters) -> None:
+        for name, rest, variance in zip(_CONTROLS, controller.rest, controller.P_rest, strict=True):
+            limits = getattr(self.plant.limits, name)
+            if variance and not limits[0] <= rest <= limits[1]:
+                raise ValueError(
+                    f"controller draws {name} to rest at {rest:g}, outside plant.limits.{name} {list(limits)}:"
+                    " change the limits or the controller's rest"
+                )
 
     @property
     def dt_ns(self) -> int:
