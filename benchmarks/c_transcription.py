@@ -18,6 +18,7 @@ from skydiver_utc.plant.model import PlantModel, build_model
 from skydiver_utc.plant.skydiver import SkydiverPlant
 
 Array = NDArray[np.float64]
+Address = ctypes.c_void_p
 
 SOURCE = Path(__file__).parent / "c" / "utc_step.c"
 # The relaxations of skydiver_utc.jit: contraction, reassociation, unsigned zeros. The last two flags give up what
@@ -93,10 +94,16 @@ def _declared(loaded: ctypes.CDLL) -> ctypes.CDLL:
     return loaded
 
 
+def address(array: Array) -> Address:
+    """Where C finds an array in C order; holds the array as long as it is held itself."""
+    return array.ctypes.data_as(Address)
+
+
 class CUtc:
     """UTC of a scenario in C, with the coupling schedule of the package prepared beforehand.
 
-    `prepare(profile)` lays out Qu and the reference of every step; `step(k, state)` is one call of C.
+    `prepare(profile, steps)` lays out Qu and the reference of every step; `step` and `propagate` are one call of C
+    each, with addresses made beforehand (`address`).
     """
 
     def __init__(self, loaded: ctypes.CDLL, scenario: Scenario) -> None:
@@ -117,30 +124,27 @@ class CUtc:
         reach = parameters.preview_steps(self._dt) + 1
         schedule = CouplingSchedule(parameters, parameters.k_hyst(self._dt), self._dt)
         covariance = schedule.initial_covariance(profile[:reach])
-        self._Qu = np.array([schedule.process_noise(profile[k : k + reach]) for k in range(steps)])
+        Qu = np.array([schedule.process_noise(profile[k : k + reach]) for k in range(steps)])
         self._references = profile[parameters.horizon_steps :].tolist()
         self._utc.U = _FOUR(*self._start)
         for row, values in zip(self._utc.Pu, covariance, strict=True):
             row[:] = list(values)
-        self._pointers = [matrix.ctypes.data for matrix in self._Qu]
+        self._Qu = [address(matrix) for matrix in Qu]
 
-    def step(self, k: int, state: int) -> None:
-        """Step k at the state (13,) whose address is given."""
+    def step(self, k: int, state: Address) -> None:
+        """Step k at a state (13,)."""
         p = self._parameters
         plant, utc = self._addresses
         self._library.utc_step(
-            plant, utc, state, self._references[k], self._pointers[k], p.P_err, p.W0, p.covariance_floor,
+            plant, utc, state, self._references[k], self._Qu[k], p.P_err, p.W0, p.covariance_floor,
             p.horizon_steps,
         )  # fmt: skip
 
-    def propagate(self, state: Array, applied: Array, points: Array) -> Array:
-        """Yaw rates (9,) at the horizon."""
-        out = np.empty(9)
+    def propagate(self, state: Address, applied: Address, points: Address, rates: Address) -> None:
+        """Write the yaw rates (9,) at the horizon, from a state (13,) and a control (4,) under points (9, 4)."""
         self._library.propagate(
-            self._addresses[0], state.ctypes.data, applied.ctypes.data, points.ctypes.data,
-            self._parameters.horizon_steps, out.ctypes.data,
-        )  # fmt: skip
-        return out
+            self._addresses[0], state, applied, points, self._parameters.horizon_steps, rates
+        )
 
     @property
     def control(self) -> Array:

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from c_transcription import CUtc
+from c_transcription import CUtc, address
 
 from skydiver_utc.parameters import Scenario, UtcParameters, load_scenario
 from skydiver_utc.plant.model import build_model
@@ -56,7 +56,7 @@ def c_step(loaded: ctypes.CDLL, scenario: Scenario) -> Callable[[], float]:
             f"c/utc_step.c differs from the package by {largest:.1e}: its figures mean nothing"
         )
     utc, profile, steps = _prepared(loaded, flight)
-    addresses = [state.ctypes.data for state in flight.states]
+    addresses = [address(state) for state in flight.states]
     position = 0
 
     def once() -> float:
@@ -65,8 +65,9 @@ def c_step(loaded: ctypes.CDLL, scenario: Scenario) -> Callable[[], float]:
         if k == 0:
             utc.prepare(profile, steps)
         position += 1
+        state = addresses[k]
         begin = time.process_time()
-        utc.step(k, addresses[k])
+        utc.step(k, state)
         return time.process_time() - begin
 
     return once
@@ -83,7 +84,7 @@ def largest_difference(loaded: ctypes.CDLL, flight: Flight) -> float:
     first = next(i for i, name in enumerate(names) if name.startswith("std_"))
     largest = 0.0
     for k in range(steps):
-        utc.step(k, flight.states[k].ctypes.data)
+        utc.step(k, address(flight.states[k]))
         deviations = np.sqrt(np.maximum(np.diag(utc.covariance), 0.0))
         for ours, theirs in (
             (flight.commands[k], utc.control),
@@ -106,7 +107,10 @@ def roll_outs(loaded: ctypes.CDLL, scenario: Scenario) -> tuple[Callable[[], flo
     points = model.control_min + share * (model.control_max - model.control_min)
     outputs, saved = np.empty((9, 1)), np.empty((9, 4))
     predict(state, applied, points, flight.reference, outputs, saved)
-    _check(float(np.abs(outputs[:, 0] - utc.propagate(state, applied, points)).max()))
+    rates = np.empty(len(points))
+    addresses = [address(array) for array in (state, applied, points, rates)]
+    utc.propagate(*addresses)
+    _check(float(np.abs(outputs[:, 0] - rates).max()))
 
     def package() -> float:
         begin = time.process_time()
@@ -115,7 +119,7 @@ def roll_outs(loaded: ctypes.CDLL, scenario: Scenario) -> tuple[Callable[[], flo
 
     def in_c() -> float:
         begin = time.process_time()
-        utc.propagate(state, applied, points)
+        utc.propagate(*addresses)
         return time.process_time() - begin
 
     return package, in_c

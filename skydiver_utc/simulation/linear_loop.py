@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 from skydiver_utc.control.limits import ControlLimits
 from skydiver_utc.control.utc import UtcLaw
 from skydiver_utc.theory.linear_plant import LinearPlant, to_the_horizon
+from skydiver_utc.theory.stability import Stability
 
 Array = NDArray[np.float64]
 
 _W0 = 0.25
+# A free run is followed until the distance from rest has shrunk this far, within these numbers of steps.
+_SHRUNK, _FEWEST_STEPS, _MOST_STEPS = 1e-8, 20, 20_000
 
 
 def fly_linear(
@@ -70,8 +73,34 @@ def _unlimited(m: int) -> ControlLimits:
     return ControlLimits(-far, far, far)
 
 
-def measured_decay(distances: Array) -> float:
-    """Factor per step of a decaying series (steps,): the slope of its logarithm, in the least squares."""
+def distance_flown(
+    plant: LinearPlant,
+    horizon_steps: int,
+    Qu: Array,
+    P_err: Array,
+    found: Stability,
+    start: Array,
+    steps: int,
+    added: Callable[[Array], Array] | None = None,
+) -> Array:
+    """Distance from rest (steps+1,) of a run of `fly_linear` whose gain is steady from the first step."""
+    Pu = found.gain.covariance + found.gain.growth
+    run = fly_linear(plant, horizon_steps, Pu, Qu, P_err, start, steps, added)
+    distances: Array = np.linalg.norm(run @ found.across, axis=1)
+    return distances
+
+
+def measured_decay(
+    plant: LinearPlant, horizon_steps: int, Qu: Array, P_err: Array, found: Stability
+) -> float:
+    """Factor per step of the distance from rest, flown in the slowest mode of a stable loop.
+
+    The slope of its logarithm, in the least squares, over all of the run: the gain is steady and the mode alone, so
+    nothing has to settle, and the longer the run, the less the swing of an oscillating mode counts.
+    """
+    wanted = np.log(_SHRUNK) / np.log(found.decay)
+    steps = int(np.clip(wanted, _FEWEST_STEPS, _MOST_STEPS))
+    distances = distance_flown(plant, horizon_steps, Qu, P_err, found, found.slowest, steps)
     alive = distances > 0.0
     slope: float = np.polyfit(np.flatnonzero(alive), np.log(distances[alive]), 1)[0]
     return float(np.exp(slope))

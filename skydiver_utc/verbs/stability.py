@@ -17,7 +17,7 @@ from skydiver_utc.plant.linearise import control_effect, linearise, tilt_axes, v
 from skydiver_utc.plant.model import build_model
 from skydiver_utc.plant.skydiver import RATE_AT
 from skydiver_utc.plant.steady import HeldBody, SteadyFall, steady_turn, straight_falls
-from skydiver_utc.simulation.linear_loop import fly_linear, measured_decay
+from skydiver_utc.simulation.linear_loop import distance_flown, measured_decay
 from skydiver_utc.theory.linear_plant import LinearPlant, with_outputs_of_controls, zero_order_hold
 from skydiver_utc.theory.stability import Stability, analyse
 from skydiver_utc.verbs.errors import VerbError
@@ -27,8 +27,6 @@ Array = NDArray[np.float64]
 
 _TURN_STEPS = 12
 _FIRST_RATE = 10  # of the state (13,)
-# A free run is followed until the distance from rest has shrunk this far, but not for more steps than that.
-_SHRUNK, _MOST_STEPS = 1e-8, 20_000
 _PUSHED_STEPS = 4000
 
 
@@ -166,21 +164,15 @@ def report(tuned: Tuned) -> dict[str, Any]:
         "time_constants_s": [None if log >= 0.0 else float(-tuned.dt_s / log) for log in logs],
         "decay": found.decay,
         "stable": found.stable,
-        "measured_decay": _measured_decay(tuned, found) if found.stable else None,
+        "measured_decay": measured_decay(plant, tuned.horizon_steps, tuned.Qu, tuned.P_err, found)
+        if found.stable
+        else None,
         "riccati_margin_one_step": found.riccati_one_step.margin,
         "riccati_margin": found.riccati.margin,
         "riccati_additional": float(np.linalg.norm(found.riccati.additional, 2)),
         "nonlinearity": tuned.nonlinearity,
         "ball": _of_ball(tuned, found),
     }
-
-
-def _measured_decay(tuned: Tuned, found: Stability) -> float:
-    """Of the package's controller on the linear plant, in the slowest mode, over the second half of a free run."""
-    wanted = np.log(_SHRUNK) / np.log(found.decay)
-    steps = int(np.clip(wanted, 20, _MOST_STEPS))
-    distances = _run(tuned, found, steps, found.slowest, None)
-    return measured_decay(distances[steps // 2 :])
 
 
 def _of_ball(tuned: Tuned, found: Stability) -> dict[str, float] | None:
@@ -192,21 +184,16 @@ def _of_ball(tuned: Tuned, found: Stability) -> dict[str, float] | None:
         size = float(np.linalg.norm(x))
         return tuned.nonlinearity * (x / size if size > 0.0 else np.eye(n)[0])
 
-    distances = _run(tuned, found, _PUSHED_STEPS, np.zeros(len(found.Z)), outwards)
+    distances = distance_flown(
+        tuned.plant, tuned.horizon_steps, tuned.Qu, tuned.P_err, found, np.zeros(len(found.Z)), _PUSHED_STEPS,
+        outwards,
+    )  # fmt: skip
     return {
         "radius": found.ball.radius,
         "kept": found.ball.kept,
         "from_rest": found.ball.summed,
         "measured": float(distances.max()),
     }
-
-
-def _run(tuned: Tuned, found: Stability, steps: int, start: Array, added: Any) -> Array:
-    """Distance from rest (steps+1,) of a run that starts with a steady gain."""
-    Pu = found.gain.covariance + found.gain.growth
-    run = fly_linear(tuned.plant, tuned.horizon_steps, Pu, tuned.Qu, tuned.P_err, start, steps, added)
-    distances: Array = np.linalg.norm(run @ found.across, axis=1)
-    return distances
 
 
 def _show(values: dict[str, Any]) -> None:
