@@ -97,10 +97,12 @@ def control_steps(stack: ExitStack) -> Iterator[Group]:
             for label, (name, changes) in rivals.items()
         ]
         yield Group(f"one control step, N = {steps}", subjects, rounds=150)
-    if loaded is not None:
-        package, in_c = roll_outs(loaded, short(FAST))
-        rows = (Subject("package", package, batch=20), Subject("C", in_c, batch=20))
-        yield Group("roll-out of nine sigma points, N = 20", rows, rounds=150)
+    if loaded is None:
+        return
+    for steps in (20, 1):
+        found = roll_outs(loaded, short(FAST, {"controller.horizon_steps": steps}))
+        rows = [Subject(label, once, batch=20) for label, once in found.items()]
+        yield Group(f"roll-out of nine sigma points, N = {steps}", rows, rounds=150)
 
 
 def chains() -> Iterator[Group]:

@@ -152,7 +152,10 @@ def scenario_of(subject: Subject, values: Values, turn: Values) -> Scenario:
 def admitted(value: float, start: float | int, leaf: Leaf) -> float | int:
     """A value as it is flown: three digits, whole where the start is, inside the parameter's bounds."""
     value = float(f"{value:.3g}")
-    value = min(max(value, leaf.minimum or -math.inf), leaf.maximum or math.inf)
+    if leaf.minimum is not None:
+        value = max(value, leaf.minimum)
+    if leaf.maximum is not None:
+        value = min(value, leaf.maximum)
     return round(value) if isinstance(start, int) else value
 
 

@@ -9,6 +9,7 @@ from skydiver_utc.control.limits import ControlLimits
 from skydiver_utc.control.utc import UtcLaw
 from skydiver_utc.control.utc_step import Recovery
 from skydiver_utc.parameters import load_scenario
+from skydiver_utc.simulation.build import build_controller, build_plant
 from skydiver_utc.simulation.closed_loop import simulate
 
 FREE = ControlLimits(np.array([-np.inf]), np.array([np.inf]), np.array([np.inf]))
@@ -147,8 +148,42 @@ def test_after_a_step_without_an_answer_the_next_begins_from_the_initial_covaria
     np.testing.assert_allclose(controller.Pu, [[5.0]])
 
 
+class Keeping:
+    """UTC of a scenario whose failed step keeps U and Pu, instead of taking covariances about the central point."""
+
+    def __init__(self, scenario):
+        self._rescued = build_controller(scenario)
+        self.preview_steps = self._rescued.preview_steps
+        self.telemetry_names = self._rescued.telemetry_names
+
+    def reset(self):
+        self._rescued.reset()
+
+    def resume(self, control):
+        self._rescued.resume(control)
+
+    def decide(self, state, preview):
+        law = self._rescued._utc
+        control, Pu = law.control.copy(), law.covariance.copy()
+        decision = self._rescued.decide(state, preview)
+        if decision.telemetry[self.telemetry_names.index("recovery")] == Recovery.NONE:
+            return decision
+        law.hold(control)
+        law.begin_from(Pu)
+        return decision._replace(control=control, status=Status.KEPT_PREVIOUS)
+
+
+def test_without_the_rescue_the_fast_turn_is_lost():
+    """The same U and Pu fail again at every step to the end; docs/findings.md has the figure."""
+    scenario = load_scenario("fast_turn_unknown_dynamics", {"controller.W0": -3.0})
+    flight = simulate(scenario, build=Keeping)
+    kept = np.flatnonzero(flight.status == Status.KEPT_PREVIOUS)
+    np.testing.assert_array_equal(kept, np.arange(61, len(flight.status)))
+    assert round(metrics(flight)["rmse_deg_s"]) == 281
+
+
 def test_the_skydiver_answers_every_step_with_a_negative_central_weight():
-    """W0 = -3 locked for good from the 61st step on when a failed step kept U and Pu."""
+    """From step 61 on with covariances about the central point, where there would be no answer without."""
     flight = simulate(load_scenario("fast_turn_unknown_dynamics", {"controller.W0": -3.0, "duration_s": 6.0}))
     recovery = flight.telemetry[:, flight.telemetry_names.index("recovery")]
     assert (recovery == Recovery.ABOUT_CENTRE).sum() > 0
@@ -158,8 +193,6 @@ def test_the_skydiver_answers_every_step_with_a_negative_central_weight():
 
 def test_the_skydiver_begins_again_with_the_signs_of_the_present_turn():
     """A state that everything diverges from, in a right turn; the first decision was in a left one."""
-    from skydiver_utc.simulation.build import build_controller, build_plant
-
     scenario = load_scenario("fast_turn_unknown_dynamics")
     controller, state = build_controller(scenario), build_plant(scenario).initial_state()
     left = np.linspace(1.0, 2.0, controller.preview_steps + 1)

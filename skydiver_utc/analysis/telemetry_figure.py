@@ -15,7 +15,10 @@ from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.analysis.style import (
     BLUE,
     GREEN,
+    GREY,
+    INK,
     ORANGE,
+    PALE,
     PURPLE,
     VERMILLION,
     empty_figure,
@@ -33,7 +36,8 @@ _DEVIATIONS = (
     ("std_k_left", "left hand", PURPLE, _SOLID),
     ("std_alpha", "$\\alpha$", BLUE, _SOLID),
 )
-_STATUS_COLOURS = {"solved": GREEN, "saturated": ORANGE, "repaired": BLUE, "kept_previous": VERMILLION}
+# None of these is a control's.
+_STATUS_COLOURS = {"solved": PALE, "saturated": ORANGE, "repaired": GREY, "kept_previous": INK}
 _SMALLEST = 1e-6  # what the logarithmic axes still show
 
 
@@ -58,7 +62,7 @@ def telemetry_figure(title: str, flights: Mapping[str, Flight]) -> Figure:
         rows[0, 0].set_ylim(-reach, reach)
         rows[1, 0].set_ylim(-0.5 * reach, 0.5 * reach)
         rows[2, 0].set_ylim(1e-4, 3.0)
-        rows[3, 0].set_ylim(_SMALLEST, 30.0)
+        rows[3, 0].set_ylim(0.3 * _SMALLEST, 30.0)
         figure.text(0.01, 0.985, title, fontsize=12, fontweight="bold", va="top")
         _draw_legends(figure, rows[0, 0], rows[2, 0])
         figure.subplots_adjust(left=0.125, right=0.985, bottom=0.115, top=0.875)
@@ -87,7 +91,8 @@ def _draw_column(axes: NDArray[np.object_], label: str, flight: Flight) -> None:
     for (name, words, colour, line), span in zip(_DEVIATIONS, spans, strict=True):
         deviations.plot(time, _named(flight, name) / span, color=colour, label=words, **line)
     deviations.set_yscale("log")
-    repair.plot(time, np.maximum(_named(flight, "repaired_covariance"), _SMALLEST), color=BLUE, linewidth=0.8)
+    lifted = np.maximum(_named(flight, "repaired_covariance"), _SMALLEST)
+    repair.plot(time, lifted, color=_STATUS_COLOURS["repaired"], linewidth=0.9)
     repair.set_yscale("log")
     _draw_status(status, flight)
     status.set_xlabel("time [s]")

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 _PLANT, _LONGER = "admire", 5
 _EQUAL, _DIFFERENT = 1e-9, 1e-2
-_DECAYS_AGREE = 2e-3
+_DECAYS_AGREE = 1e-4  # the digits that are shown
 _DRAWS, _SEED, _ROUNDING = 100, 1, 1e-12
 
 

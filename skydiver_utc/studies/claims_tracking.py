@@ -59,17 +59,24 @@ def not_parameterised(results: PaperResults) -> Claim:
 
 
 def cheaper(results: PaperResults) -> Claim:
-    """Against optimisation."""
+    """Against optimisation, by roll-outs and by the time of whole steps."""
     words = "Propagating nine sigma points costs less than solving a nonlinear program"
-    rule = "one Gauss-Newton iteration on the same prediction takes longer, for a control of every step and for one"
+    rule = (
+        "one Gauss-Newton iteration on the same prediction takes longer, for a control of every step and for one,"
+        " and needs no fewer roll-outs for one"
+    )
     if results.cost is None:
         return Claim(words, rule, "`skydiver-utc compare paper`", Verdict.ELSEWHERE)
+    controls = len(shipped(flown.M0_C2.scenario).plant.limits.minimum)
+    points, roll_outs = 2 * controls + 1, controls + 1
     return Claim(
         words,
         rule,
-        f"x {figure(results.cost.every_step)} and x {figure(results.cost.held)} of UTC's time in this run, N = 20;"
-        " solved to convergence by CasADi + IPOPT: `make bench-tools`",
-        judge([results.cost.every_step > 1.0, results.cost.held > 1.0]),
+        f"roll-outs for one held control: {roll_outs}, where UTC has {points} and costs more; a whole step, with"
+        f" our solver and our calls (docs/benchmarks.md): x {figure(results.cost.every_step)} and"
+        f" x {figure(results.cost.held)} of UTC's time in this run, N = 20; solved to convergence by CasADi +"
+        " IPOPT: `make bench-tools`",
+        judge([roll_outs >= points, results.cost.every_step > 1.0, results.cost.held > 1.0]),
     )
 
 
