@@ -1,7 +1,9 @@
 """A seeded source of hostile messages for every input of the nodes."""
 
+import hashlib
 import json
 import random
+import time
 from typing import Any
 
 import numpy as np
@@ -103,7 +105,24 @@ class Hostile:
         return message
 
     def text(self) -> Any:
-        claim = {"kind": "plant", "id": "x", "since_ns": 1, "serving": False, "pid": 1, "host": "h"}
+        """A whole claim of a node that does not exist, what such a plant says of its clock, or no claim at all."""
+        claim: dict[str, Any] = {
+            "kind": self.random.choice(("plant", "controller", "reference")),
+            "id": self.random.choice(("x", "y", "")),
+            "since_ns": self.random.choice((1, time.time_ns(), 2**63 - 1)),
+            "serving": self.random.random() < 0.5,
+            "pid": 1,
+            "host": "h",
+            "scenario": self.random.choice(("", hashlib.sha256(b"").hexdigest())),
+        }
+        whole = self.random.random()
+        if whole < 0.2:
+            return String(data=json.dumps(claim))
+        if whole < 0.3:
+            namespace = self.random.choice(("/z", "", "/", "{ns}", "/skydiver/", "/skydiver\0", "/é"))
+            grid = {"dt_ns": self.grid.dt_ns, "epoch_ns": self.grid.epoch_ns}
+            clock = {"claim": claim, "namespace": namespace, "mode": "lockstep", **grid}
+            return String(data=json.dumps(clock))
         key = self.random.choice(list(claim))
         claim[key] = self.random.choice((None, [], {}, "", 1e300, -1, 2**80, True))
         kind = self.random.randrange(3)

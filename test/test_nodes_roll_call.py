@@ -4,7 +4,7 @@ import json
 from typing import Any
 
 import pytest
-from ros_fixtures import Processes, Ros, overrides
+from ros_fixtures import Partner, Processes, Ros, overrides
 from std_msgs.msg import String
 
 from skydiver_utc.nodes import topics
@@ -14,6 +14,7 @@ from skydiver_utc.nodes.lockstep_plant import PlantNode
 from skydiver_utc.nodes.messages import StateWriter
 from skydiver_utc.nodes.preview_publisher import ReferenceNode
 from skydiver_utc.nodes.roll_call import Claim, RollCall, read_claim
+from skydiver_utc.nodes.seniors_word import SeniorsWord
 from skydiver_utc.parameters import load_scenario
 from skydiver_utc.simulation.build import build_plant
 from skydiver_utc.simulation.closed_loop import simulate
@@ -40,9 +41,9 @@ def test_exactly_one_of_two_stays(senior: Claim, junior: Claim) -> None:
 
 
 def told_to(claim: Claim, **own: Any) -> list[str]:
-    """Why a node of the claim's kind leaves when it hears this claim."""
+    """Why a node beside which there is another one leaves when it hears this claim."""
     sentences: list[str] = []
-    roll_call = RollCall("plant", lambda _: None, sentences.append)
+    roll_call = RollCall("plant", lambda _: None, lambda: True, sentences.append)
     roll_call.claim = roll_call.claim._replace(**own)
     roll_call.hear(claim)
     return sentences
@@ -72,7 +73,7 @@ def test_what_is_no_claim_is_refused(text: str) -> None:
 
 def test_what_is_sent_can_be_read() -> None:
     sent: list[Any] = []
-    roll_call = RollCall("plant", sent.append, lambda _: None)
+    roll_call = RollCall("plant", sent.append, lambda: False, lambda _: None)
     roll_call.serve()
     roll_call.serve()
     first, second = (read_claim(message.data) for message in sent)
@@ -106,6 +107,84 @@ def test_a_node_that_has_gone_is_not_in_the_way(ros: Ros) -> None:
     second = ros.add(ControllerNode(ros.context, overrides()))
     ros.spin_for(0.5)
     assert not second.finished
+
+
+SERVING_ELDER = Claim("plant", "x", 1, True, 1, "h")
+
+
+def flying(ros: Ros, duration_s: float = 600.0) -> PlantNode:
+    """A plant in flight, with controller and reference."""
+    plant: PlantNode = ros.add(PlantNode(ros.context, overrides(duration_s)))
+    for kind in (ControllerNode, ReferenceNode):
+        ros.add(kind(ros.context, overrides(duration_s)))
+    ros.spin_until(lambda: plant.k > 3)
+    return plant
+
+
+def claims(partner: Partner, claim: Claim) -> None:
+    partner.sends(topics.ROLL_CALL).publish(String(data=json.dumps(claim._asdict())))
+
+
+@pytest.mark.parametrize("kind", ["plant", "controller", "reference"])
+def test_a_whole_claim_of_a_node_that_is_not_there_stops_no_flight(ros: Ros, kind: str) -> None:
+    plant = flying(ros, duration_s=6.0)
+    nodes = {node.get_name(): node for node in ros.executor.get_nodes()}
+    claims(ros.partner("stranger"), SERVING_ELDER._replace(kind=kind))
+    ros.spin_until(lambda: nodes[kind].refusals.counts["claim"] == 1)
+    assert f"another {kind} is here already" in nodes[kind].refusals.last
+    assert "which the graph does not confirm" in nodes[kind].refusals.last
+    ros.spin_until(lambda: plant.finished)
+    assert plant.outcome is Outcome.COMPLETED
+    assert not any(nodes[name].refused for name in (kind, "plant"))
+
+
+@pytest.mark.parametrize("first", ["the graph", "the claim"])
+def test_a_plant_that_meets_a_senior_one_in_flight_ends_with_an_outcome(ros: Ros, first: str) -> None:
+    """As when two networks are joined; the graph may know of the other one a moment later than its claim comes."""
+    plant = flying(ros)
+    other = ros.partner("other")
+    outcomes = other.hear(topics.OUTCOME)
+    if first == "the graph":
+        other.sends(topics.ALIVE[topics.PLANT])
+        ros.spin_until(lambda: plant.count_publishers(topics.ALIVE[topics.PLANT].name) == 2)
+        claims(other, SERVING_ELDER)
+    else:
+        claims(other, SERVING_ELDER)
+        ros.spin_until(lambda: plant.refusals.counts["claim"] == 1)
+        other.sends(topics.ALIVE[topics.PLANT])
+    ros.spin_until(lambda: plant.finished and outcomes)
+    outcome = json.loads(outcomes[-1].data)
+    assert (outcome["outcome"], outcome["reason"]) == ("aborted", plant.refused)
+    assert "another plant is here already (process 1 on h" in plant.refused
+    assert outcome["states"] == plant.k + 1
+
+
+def test_a_plant_that_flies_does_not_leave_for_one_that_comes_later(ros: Ros) -> None:
+    plant = flying(ros)
+    other = ros.partner("other")
+    other.sends(topics.ALIVE[topics.PLANT])
+    ros.spin_until(lambda: plant.count_publishers(topics.ALIVE[topics.PLANT].name) == 2)
+    claims(other, SERVING_ELDER._replace(serving=False))
+    assert plant._roll_call is not None
+    ros.spin_until(lambda: plant._roll_call.others == 1)
+    assert not plant.finished
+
+
+def test_a_doubted_claim_is_forgotten_before_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, sentences, there = [0.0], [], [False]
+    monkeypatch.setattr("skydiver_utc.nodes.seniors_word.time.monotonic", lambda: now[0])
+    word = SeniorsWord(sentences.append)
+    for later_s, leaves in ((1.5, True), (2.5, False)):
+        there[0] = False
+        with pytest.raises(BorderError, match="it says that the sky is full, which the graph"):
+            word.heed("the sky is full: land", lambda: there[0], "claim")
+        now[0] += later_s
+        word.look_again()
+        there[0] = True
+        word.look_again()
+        word.look_again()
+        assert sentences == (["the sky is full: land"] if leaves else [])
+        sentences.clear()
 
 
 def test_a_claim_that_cannot_be_read_is_counted(ros: Ros) -> None:

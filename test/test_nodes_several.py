@@ -481,6 +481,10 @@ def test_a_flight_that_meets_a_senior_clock_ends_with_an_outcome(ros: Ros) -> No
     ros.spin_until(lambda: plant.k == 2)
     senior = ClockSource(Claim("plant", "z", 1, True, 1, "there"), "/z", "lockstep", 1, 0)
     follower.sends(topics.CLOCK_SOURCE).publish(String(data=write(senior)))
+    ros.spin_until(lambda: plant.refusals.counts["source"] == 1)
+    assert not plant.finished  # it may be a stranger's word: no plant of /z is in the graph
+    alive = topics.ALIVE[topics.PLANT]
+    follower.create_publisher(alive.type, f"/z/{alive.name}", alive.qos)
     ros.spin_until(lambda: plant.finished and outcomes and read(told[-1].data, ClockSource).ended)
     outcome = json.loads(outcomes[-1].data)
     assert outcome["outcome"] == "aborted"

@@ -14,6 +14,7 @@ from skydiver_utc.nodes.border import BorderError
 from skydiver_utc.nodes.messages import ClockWriter
 from skydiver_utc.nodes.roll_call import Claim
 from skydiver_utc.nodes.scenario_node import ScenarioNode
+from skydiver_utc.nodes.seniors_word import LOOK_AGAIN_PERIOD_S, SeniorsWord
 from skydiver_utc.nodes.shared_clock import SIGNS_OF_LIFE, Awaited, ClockSource, read, write
 
 
@@ -35,7 +36,8 @@ class ClockLeader:
         self, node: ScenarioNode, claim: Claim, moved: Callable[[], None], refuse: Callable[[str], None]
     ) -> None:
         self.k = -1
-        self._node, self._claim, self._moved, self._refuse = node, claim, moved, refuse
+        self._node, self._claim, self._moved = node, claim, moved
+        self._senior = SeniorsWord(refuse)
         self._expected: int = node.own["followers"]
         self._patience_s: float = node.own["clock_patience_s"]
         self._recorders = 1 if node.own["wait_for_recorder"] else 0
@@ -50,22 +52,27 @@ class ClockLeader:
         node.listen(topics.CLOCK_SOURCE, self.on_source)
         node.listen(topics.CLOCK_AWAITED, self.on_awaited)
         node.every(self._patience_s / SIGNS_OF_LIFE, self._look_after_followers)
+        node.every(LOOK_AGAIN_PERIOD_S, self._senior.look_again)
         self._tell()
 
     def on_source(self, message: Any) -> None:
         """Another plant says that it publishes `/clock`: the newcomer of two leaves."""
         try:
-            other = read(message.data, ClockSource)
+            self._compare_with(read(message.data, ClockSource))
         except BorderError as error:
             self._node.refusals.add(topics.CLOCK_SOURCE.name, error)
-            return
+
+    def _compare_with(self, other: ClockSource) -> None:
         # Two plants of one namespace settle it on its roll call.
         elsewhere = other.namespace != self._node.get_namespace()
-        if elsewhere and not other.ended and other.claim.senior_to(self._claim):
-            self._refuse(
-                f"the plant of {other.namespace} (process {other.claim.pid} on {other.claim.host}) publishes /clock"
-                " already: let this one follow it by -p clock:=follow, or give it another ROS domain"
-            )
+        if not elsewhere or other.ended or not other.claim.senior_to(self._claim):
+            return
+        self._senior.heed(
+            f"the plant of {other.namespace} (process {other.claim.pid} on {other.claim.host}) publishes /clock"
+            " already: let this one follow it by -p clock:=follow, or give it another ROS domain",
+            lambda: _has_plant(self._node, other.namespace),
+            "source",
+        )
 
     def on_awaited(self, message: Any) -> None:
         """A follower waits for a step, or has ended."""
@@ -201,6 +208,12 @@ class ClockLeader:
         grid, mode = self._node.grid, self._node.own["mode"]
         source = ClockSource(self._claim, self._node.get_namespace(), mode, grid.dt_ns, grid.epoch_ns, ended)
         self._sources.publish(String(data=write(source)))
+
+
+def _has_plant(node: Node, namespace: str) -> bool:
+    """True where the graph has a plant in this namespace; what is no name of one is looked up like any other text."""
+    its = f"{'' if namespace == '/' else namespace}/{topics.ALIVE[topics.PLANT].name}"
+    return its in dict(node.get_topic_names_and_types()) and node.count_publishers(its) > 0
 
 
 def too_many_clocks(node: Node) -> str:

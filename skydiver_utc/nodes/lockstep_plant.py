@@ -130,6 +130,16 @@ class PlantNode(ScenarioNode):
         """True when the process may end: not while its clock goes on for others."""
         return super().finished and (bool(self.refused) or self.shut_down or not self._keeps_time)
 
+    def refuse(self, sentence: str) -> None:
+        """Take no part; a flight that has begun ends with its outcome."""
+        if self.done:
+            return
+        super().refuse(sentence)
+        if self.k >= 0:
+            self._time.leave()
+            self._monitor.end(Outcome.ABORTED, sentence)
+            self._finish()
+
     @property
     def outcome(self) -> Outcome:
         """How the flight ended, or stands."""
@@ -249,9 +259,9 @@ class PlantNode(ScenarioNode):
 
     def _create_time(self) -> ClockLeader | ClockFollower:
         if self.own["clock"] == "follow":
-            return ClockFollower(self, self._time_moved, self._refuse_for_its_clock)
+            return ClockFollower(self, self._time_moved, self.refuse)
         assert self._roll_call is not None
-        return ClockLeader(self, self._roll_call.claim, self._time_moved, self._refuse_for_its_clock)
+        return ClockLeader(self, self._roll_call.claim, self._time_moved, self.refuse)
 
     def _now_ns(self) -> int:
         """What the steps of real time are due by: the steady clock, or the one that is followed."""
@@ -290,16 +300,6 @@ class PlantNode(ScenarioNode):
             if not publisher.wait_for_all_acked(Duration(seconds=left_s)):
                 self.get_logger().warning(f"a listener of {topic.name} did not acknowledge everything")
         return super().close() or (0 if self.outcome in _EXIT_ZERO else 1)
-
-    def _refuse_for_its_clock(self, sentence: str) -> None:
-        """Take no part because of a clock; a flight that has begun ends with its outcome."""
-        if self.done:
-            return
-        self.refuse(sentence)
-        if self.k >= 0:
-            self._time.leave()
-            self._monitor.end(Outcome.ABORTED, sentence)
-            self._finish()
 
     def _abort(self, how: str) -> None:
         """End a flight that has not ended."""

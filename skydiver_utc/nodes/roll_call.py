@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from std_msgs.msg import String
 
 from skydiver_utc.nodes.border import BorderError
+from skydiver_utc.nodes.seniors_word import SeniorsWord
 
 
 class Claim(NamedTuple):
@@ -57,13 +58,23 @@ def checksum(scenario: str) -> str:
 
 
 class RollCall:
-    """Sends the own claim and hears those of others; `leave` is told the one sentence why this node must go."""
+    """Sends the own claim and hears those of others; `leave` is told the one sentence why this node must go.
 
-    def __init__(self, kind: str, publish: Callable[[Any], None], leave: Callable[[str], None]) -> None:
+    It goes for a senior only where `another_is_there`, a node of its kind beside it in the graph.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        publish: Callable[[Any], None],
+        another_is_there: Callable[[], bool],
+        leave: Callable[[str], None],
+    ) -> None:
         self.others = 0  # newcomers told to leave
         self.claim = Claim(kind, uuid.uuid4().hex, time.time_ns(), False, os.getpid(), platform.node())
         self._publish = publish
-        self._leave = leave
+        self._another_is_there = another_is_there
+        self._senior = SeniorsWord(leave)
         self._tell()
 
     def serve(self) -> None:
@@ -78,17 +89,22 @@ class RollCall:
         self._tell()
 
     def hear(self, other: Claim) -> None:
-        """Leave if a senior node of the same kind is there; let a junior one know who is senior."""
+        """Leave if a senior node of the same kind is there; `BorderError` for a claim without a node."""
         if other.kind != self.claim.kind or other.id == self.claim.id:
             return
         if not other.senior_to(self.claim):
             self.others += 1
             return
         since = time.strftime("%H:%M:%S", time.gmtime(other.since_ns / 1e9))
-        self._leave(
-            f"another {other.kind} is here already (process {other.pid} on {other.host}, since {since} UTC):"
-            " end that one first, or give this one another namespace or ROS domain"
+        sentence = (
+            f"another {other.kind} is here already (process {other.pid} on {other.host}, since {since} UTC)"
         )
+        remedy = "end that one first, or give this one another namespace or ROS domain"
+        self._senior.heed(f"{sentence}: {remedy}", self._another_is_there, "claim")
+
+    def look_again(self) -> None:
+        """Leave for a senior whose claim came before the graph showed it."""
+        self._senior.look_again()
 
     def _tell(self) -> None:
         self._publish(String(data=json.dumps(self.claim._asdict())))

@@ -23,6 +23,7 @@ from skydiver_utc.nodes.node_parameters import resolve
 from skydiver_utc.nodes.plants_scenario import PlantsScenario
 from skydiver_utc.nodes.presence import Presence
 from skydiver_utc.nodes.roll_call import RollCall, read_claim
+from skydiver_utc.nodes.seniors_word import LOOK_AGAIN_PERIOD_S
 from skydiver_utc.nodes.stamps import StepGrid
 from skydiver_utc.nodes.topics import NAMESPACE, Topic
 from skydiver_utc.parameters import ParameterError, Scenario, from_yaml
@@ -201,7 +202,7 @@ class ScenarioNode(ManagedNode):
             self._roll_call.fly(scenario)
 
     def refuse(self, sentence: str) -> None:
-        """End without a further word to the others."""
+        """Take no part, or no longer, and end."""
         if not self.done:
             self.refused = sentence
             self.done = True
@@ -242,19 +243,24 @@ class ScenarioNode(ManagedNode):
         return presence
 
     def _join(self, kind: str) -> RollCall:
-        roll_call = RollCall(kind, self._publisher(topics.ROLL_CALL).publish, self.refuse)
+        def another_is_there() -> bool:
+            return self.count_publishers(topics.ALIVE[kind].name) > 1
+
+        publish = self._publisher(topics.ROLL_CALL).publish
+        roll_call = RollCall(kind, publish, another_is_there, self.refuse)
         self.listen(topics.ROLL_CALL, self.on_claim)
+        self.every(LOOK_AGAIN_PERIOD_S, roll_call.look_again)
         return roll_call
 
     def on_claim(self, message: Any) -> None:
         """Another node says that it is there."""
         try:
             claim = read_claim(message.data)
+            if self._roll_call is not None:
+                self._roll_call.hear(claim)
         except BorderError as error:
             self.refusals.add(topics.ROLL_CALL.name, error)
             return
-        if self._roll_call is not None:
-            self._roll_call.hear(claim)
         self._compare_with_plant(self._plants_scenario.hear_claim(claim))
 
     def _given_parameters(self) -> dict[str, object]:
