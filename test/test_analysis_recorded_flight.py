@@ -188,9 +188,7 @@ def test_messages_out_of_order_find_their_steps(tmp_path: Path) -> None:
     assert np.array_equal(back.commands, flight.commands)
 
 
-@pytest.mark.parametrize(
-    ("topic", "count"), [("state", 81), ("command", 80), ("applied_command", 80), ("reference/setpoint", 81)]
-)
+@pytest.mark.parametrize(("topic", "count"), [("state", 81), ("command", 80), ("applied_command", 80)])
 def test_missing_steps_are_counted(tmp_path: Path, topic: str, count: int) -> None:
     folder = write_bag(tmp_path / "bag", flight_with_everything(), without(topic, 17, 30))
     with pytest.raises(AnalysisError, match=f"lacks 2 of {count} steps, the first is step 17"):
@@ -268,6 +266,56 @@ def test_a_setpoint_that_is_missing_is_in_the_preview(tmp_path: Path) -> None:
 
     back = read_flight(write_bag(tmp_path / "bag", flight, with_preview))
     assert np.array_equal(back.reference, flight.reference)
+
+
+def change_of_reference(step: int, **parameters: float) -> Message:
+    told = {"node": "reference", "step": step, "control": None}
+    told["parameters"] = {f"reference.{name}": value for name, value in parameters.items()}
+    return "changes", "std_msgs/msg/String", step, text(json.dumps(told))
+
+
+@pytest.mark.parametrize("steps", [(), (17, 30), tuple(range(30, 81))], ids=["all", "a hole", "the end"])
+def test_a_reference_that_nothing_tells_is_that_of_the_recorded_scenario(
+    tmp_path: Path, steps: tuple[int, ...]
+) -> None:
+    """Also where it was changed in flight; what is recorded stays, though the scenario has something else."""
+    flight = flight_with_everything()
+    changed = change_of_reference(40, yaw_rate_deg_s=20.0)
+
+    def edit(messages: list[Message]) -> list[Message]:
+        return [*without("reference/setpoint", *steps)(messages), changed]
+
+    recording = RecordedFlight(write_bag(tmp_path / "bag", flight, edit))
+    own = np.where(np.arange(81) < 40, np.deg2rad(flight.scenario.reference.yaw_rate_deg_s), np.deg2rad(20.0))
+    missing = np.isin(np.arange(81), steps or range(81))
+    back = recording.flight()
+    assert recording.reference_added == missing.sum()
+    assert np.array_equal(back.reference, np.where(missing, own, flight.reference))
+    assert np.array_equal(back.states, flight.states)
+
+
+def test_a_reference_that_is_recorded_is_not_added_to(tmp_path: Path) -> None:
+    recording = RecordedFlight(write_bag(tmp_path / "bag", flight_with_everything()))
+    recording.flight()
+    assert recording.reference_added == 0
+
+
+def test_a_cut_recording_ends_with_the_last_step_that_all_topics_have(tmp_path: Path) -> None:
+    flight = flight_with_everything()
+    heard = {"state": 52, "command": 51, "applied_command": 47, "reference/setpoint": 30, "outcome": -1}
+
+    def cut(messages: list[Message]) -> list[Message]:
+        return [m for m in messages if m[2] <= heard.get(m[0], 99)]
+
+    recording = RecordedFlight(write_bag(tmp_path / "bag", flight, cut))
+    back = recording.flight()
+    assert back.reason == (
+        "the recording has no outcome, it ends after 48 of 80 steps, the last that all topics have (state to step"
+        " 52, command to step 51)"
+    )
+    assert np.array_equal(back.states, flight.states[:49])
+    assert np.array_equal(back.applied, flight.applied[:48])
+    assert (recording.reference_added, len(back.reference)) == (18, 49)
 
 
 def test_a_bag_without_an_outcome_is_an_aborted_flight(tmp_path: Path) -> None:

@@ -303,7 +303,11 @@ def test_analyse_makes_metrics_and_figure_from_the_bag_alone(tmp_path: Path) -> 
     flight = flight_with_everything()
     folder = write_bag(tmp_path / "run", flight)
     printed = call("analyse", str(folder), "--json").stdout
-    assert json.loads(printed) == {**metrics(flight), "ignored_messages": {}}
+    assert json.loads(printed) == {
+        **metrics(flight),
+        "ignored_messages": {},
+        "reference_steps_not_recorded": 0,
+    }
     assert (folder / "metrics.json").read_text(encoding="utf-8") == printed
     made = [folder / name for name in ("metrics.json", "tracking.png", "report.html")]
     first = [path.read_bytes() for path in made]

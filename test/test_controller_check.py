@@ -162,6 +162,20 @@ def test_a_longer_preview_than_recorded_is_told(flight: Flight, tmp_path: Path) 
     assert told(folder)["reference_steps_not_recorded"] == flight.scenario.preview_steps - 1
 
 
+def test_a_hole_in_the_reference_is_told_and_does_not_matter(flight: Flight, tmp_path: Path) -> None:
+    """As a reference node leaves it that was killed and started again."""
+    folder = write_bag(tmp_path / "run", flight, without("reference/setpoint", *range(60, 100)))
+    shown = call(folder, "--check")
+    added = 40 + flight.scenario.preview_steps - 1
+    assert shown.exit_code == 0, shown.output
+    assert f"{added} steps of the reference are not in the recording: the recorded scenario stands in" in shown.output
+    values = told(folder)
+    assert (values["equal"], values["reference_steps_not_recorded"]) == (True, added)
+    analysed = CliRunner().invoke(main, ["analyse", str(folder)])
+    assert "40 steps of the reference are not in the recording" in analysed.output
+    assert json.loads((folder / "metrics.json").read_text())["reference_steps_not_recorded"] == 40
+
+
 def test_a_flight_that_was_cut_short_is_checked_as_far_as_it_goes(flight: Flight, tmp_path: Path) -> None:
     later = tuple(range(90, 144))
     edits = [without(topic, *later) for topic in ("state", "command", "applied_command")]

@@ -11,7 +11,7 @@ from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.recorded_flight import CONTROL_NAMES, RecordedFlight
 from skydiver_utc.parameters import Scenario, override
 from skydiver_utc.simulation.asked_again import Stretch, decide_again
-from skydiver_utc.simulation.build import build_controller, build_reference
+from skydiver_utc.simulation.build import build_controller
 from skydiver_utc.simulation.flight import Flight, ParameterChange
 
 SCHEMA_VERSION = 1
@@ -24,8 +24,8 @@ Floats = NDArray[np.float64]
 class Check:
     """The recorded flight, as far as it was checked, and the answers of the controller asked, commands (K, 4).
 
-    `reference_added` counts the steps of the reference that no recorded preview covers, at the end of the flight:
-    there the recorded scenario's own reference stands in. In real time a step without an answer has the command
+    `reference_added` counts the steps of the reference that no recorded message tells, at the end of the flight or
+    where its node was dead: there the recorded scenario's own reference stands in. In real time a step without an answer has the command
     that was held, and the recorded controller saw the newest states only: equal bits are not to be had.
     """
 
@@ -150,9 +150,9 @@ def _reference(recording: RecordedFlight, flight: Flight, ahead: int) -> tuple[F
     """Reference (K + ahead,): previews, then setpoints, then the scenario's own; and how many of the last."""
     first, count = flight.first_step, len(flight.commands) + ahead
     values = recording.previews(first + count)[first:]
-    known = min(count, len(flight.reference))
-    values[:known] = np.where(np.isnan(values[:known]), flight.reference[:known], values[:known])
+    told = recording.told_reference()[first : first + count]
+    values[: len(told)] = np.where(np.isnan(values[: len(told)]), told, values[: len(told)])
     missing = np.isnan(values)
     if missing.any():
-        values[missing] = build_reference(flight.scenario).preview(first, count)[missing]
+        values[missing] = recording.own_reference(first, count)[missing]
     return values, int(missing.sum())

@@ -54,6 +54,12 @@ def missing(values: dict[str, Any]) -> str:
     return f"{begins}: every figure is of what is there"
 
 
+def reference_added(steps: int) -> str:
+    """A sentence on the steps of the reference that a recording does not tell; empty where it tells all."""
+    those = "1 step of the reference is" if steps == 1 else f"{steps} steps of the reference are"
+    return f"{those} not in the recording: the recorded scenario stands in" if steps else ""
+
+
 def at_the_latest(values: dict[str, Any], name: str) -> str:
     """Words behind the label of a time that may lie before what was recorded."""
     in_doubt = name in _SINCE_WHEN and values["missing_steps"] and values[name] == values["begins_at_s"]

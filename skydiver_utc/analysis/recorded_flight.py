@@ -16,6 +16,8 @@ from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows, Times
 from skydiver_utc.parameters import ParameterError, Scenario, from_yaml, override
 from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.reader import RecordedTopic, read_bag
+from skydiver_utc.reference.profiles import ChangingReference
+from skydiver_utc.simulation.build import build_reference
 from skydiver_utc.simulation.flight import Flight, ParameterChange
 from skydiver_utc.simulation.outcome import Outcome
 
@@ -33,7 +35,8 @@ def read_flight(path: Path | str) -> Flight:
     Nothing but the bag is read. A flight that ended early has the steps up to its last complete one; a bag without
     an outcome gives outcome aborted and an unknown (NaN) wall time. A recorder that was started in flight gives the
     steps from the first complete one on (`Flight.first_step`). A step missing in between raises `AnalysisError`,
-    what is not a bag `RecordingError`.
+    what is not a bag `RecordingError`. A step that the reference topics do not tell is that of the recorded scenario
+    (`RecordedFlight.reference_added`).
     Messages off the grid, outside of the flight or not to be understood are left out (`RecordedFlight.ignored`). Of
     several of one step the first counts that was not sent too early to be the flight's: a command or telemetry
     before the state that it answers, an applied command before the state that it led to, any other message before
@@ -54,6 +57,7 @@ class RecordedFlight:
         self.scenario, not_understood = self._read_scenario()
         self._steps = RecordedSteps(self.scenario, self._topics, self._namespace)
         self._steps.count("scenario", not_understood)
+        self.reference_added = 0  # steps of the flight asked for last that no message of the reference tells
 
     def flight(self) -> Flight:
         """What `read_flight` gives."""
@@ -64,29 +68,30 @@ class RecordedFlight:
             commands = commands.held()
         led_to_ns = np.append(states.sent_ns[1:], states.sent_ns[-1])
         applied = self._steps.rows("applied_command", 4, _controls, led_to_ns)
-        reference = self._reference()
-        first = max(rows.first or 0 for rows in (states, commands, applied, reference))
+        first = max(rows.first or 0 for rows in (states, commands, applied))
         end = self.scenario.steps
         if outcome not in FLOWN_TO_ITS_END:
-            end = max(first, min(states.last, commands.last + 1, applied.last + 1, reference.last))
+            end = max(first, min(states.last, commands.last + 1, applied.last + 1))
         self._refuse_gaps("state", states, first, end + 1)
-        self._refuse_gaps("reference", reference, first, end + 1)
         self._refuse_gaps("command", commands, first, end)
         self._refuse_gaps("applied_command", applied, first, end)
+        reference = self._reference(first, end)
         names, telemetry, solve_time_s, status = self._telemetry(first, end, states.sent_ns)
+        if not reason:
+            lasts = {"state": states.last, "command": commands.last, "applied_command": applied.last}
+            reason = self._without_an_outcome(end, lasts)
         return Flight(
             scenario=self.scenario,
             states=states.values[first : end + 1],
             commands=commands.values[first:end],
             applied=applied.values[first:end],
-            reference=reference.values[first : end + 1, 0],
+            reference=reference,
             telemetry=telemetry,
             telemetry_names=names,
             solve_time_s=solve_time_s,
             status=status,
             outcome=outcome,
-            reason=reason
-            or f"the recording has no outcome, it ends after {end} of {self.scenario.steps} steps",
+            reason=reason,
             wall_time_s=wall_time_s,
             changes=self.changes(),
             first_step=first,
@@ -113,8 +118,43 @@ class RecordedFlight:
         field = "positions" if self.scenario.reference.signal == "alpha" else "velocities"
         for first, message in self._steps.with_steps("reference"):
             given = [_first(getattr(point, field)) for point in message.points[: max(0, count - first)]]
-            values[first : first + len(given)] = given
+            before = values[first : first + len(given)]
+            values[first : first + len(given)] = np.where(np.isnan(given), before, given)
         return values
+
+    def told_reference(self) -> Floats:
+        """The reference (steps + 1,) by its setpoints, a step without one by the previews; NaN where neither tells."""
+        signal = self.scenario.reference.signal
+        axis = {"yaw_rate": "z", "pitch_rate": "y"}.get(signal, "")
+
+        def value_of(message: Any) -> Any:
+            return (getattr(message.twist.angular, axis),) if axis else None
+
+        rows = self._steps.rows("reference/setpoint", 1, value_of)
+        setpoints = rows.values[:, 0]
+        if rows.present.all():
+            return setpoints
+        return np.where(rows.present, setpoints, self.previews(len(setpoints)))
+
+    def own_reference(self, first: int, count: int) -> Floats:
+        """The reference (count,) from a step on that the recorded scenario has, with the recorded changes of it."""
+        reference = ChangingReference(build_reference(self.scenario))
+        for change in self.changes():
+            if change.node == "reference":
+                reference.follow(change.step, build_reference(override(self.scenario, change.of_scenario)))
+        return reference.preview(first, count)
+
+    def _reference(self, first: int, end: int) -> Floats:
+        told = self.told_reference()[first : end + 1]
+        missing = np.isnan(told)
+        self.reference_added = int(missing.sum())
+        return np.where(missing, self.own_reference(first, len(told)), told) if missing.any() else told
+
+    def _without_an_outcome(self, end: int, lasts: Mapping[str, int]) -> str:
+        """Why the flight ends here, and which topics go on."""
+        sentence = f"the recording has no outcome, it ends after {end} of {self.scenario.steps} steps"
+        longer = [f"{name} to step {last}" for name, last in lasts.items() if last > end]
+        return f"{sentence}, the last that all topics have ({', '.join(longer)})" if longer else sentence
 
     def _read_scenario(self) -> tuple[Scenario, int]:
         """The last one that can be understood of those sent before the flight; of none such, the first at all.
@@ -166,24 +206,6 @@ class RecordedFlight:
         """True where the plant did not wait for commands: a state may have none."""
         return "real_time" in (self._told_ending() or {})
 
-    def _reference(self) -> Rows:
-        """The setpoints; a step without one is taken from the previews."""
-        signal = self.scenario.reference.signal
-        axis = {"yaw_rate": "z", "pitch_rate": "y"}.get(signal, "")
-        field = "velocities" if axis else "positions"
-        rows = self._steps.rows(
-            "reference/setpoint", 1, lambda message: (getattr(message.twist.angular, axis),)
-        )
-        if rows.present.all():
-            return rows
-        for first, message in self._steps.with_steps("reference"):
-            points = message.points[: self.scenario.steps + 1 - first]
-            for k, point in enumerate(points, first):
-                if not rows.present[k] and not math.isnan(value := _first(getattr(point, field))):
-                    rows.values[k] = value
-                    rows.present[k] = True
-        return rows
-
     def _telemetry(
         self, first: int, end: int, states_ns: Times
     ) -> tuple[tuple[str, ...], Floats, Floats, Floats]:
@@ -208,7 +230,8 @@ class RecordedFlight:
         if len(missing):
             raise AnalysisError(
                 f"{self._namespace}/{name} in {self._path} lacks {len(missing)} of {end - first} steps, the first"
-                f" is step {first + missing[0]}: record the flight again"
+                f" is step {first + missing[0]}, and nothing else tells them: `skydiver-utc replay` plays what is"
+                " there"
             )
 
 

@@ -211,7 +211,7 @@ class ClockLeader:
 
 
 def _has_plant(node: Node, namespace: str) -> bool:
-    """True where the graph has a plant in this namespace; what is no name of one is looked up like any other text."""
+    """True where the graph has a plant in this namespace, which may be any text."""
     its = f"{'' if namespace == '/' else namespace}/{topics.ALIVE[topics.PLANT].name}"
     return its in dict(node.get_topic_names_and_types()) and node.count_publishers(its) > 0
 

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from skydiver_utc.analysis.figures import tracking_figure
+from skydiver_utc.analysis.labels import reference_added
 from skydiver_utc.analysis.metrics import metrics, to_json
 from skydiver_utc.analysis.recorded_flight import RecordedFlight
 from skydiver_utc.analysis.report import report_html
@@ -26,19 +27,26 @@ def analyse(folder: Path, as_json: bool) -> Flight:
         if ignored := values["ignored_messages"]:
             told = ", ".join(f"{count} on {name}" for name, count in ignored.items())
             click.echo(f"ignored messages that belong to no step or cannot be understood: {told}")
+        if sentence := reference_added(values["reference_steps_not_recorded"]):
+            click.echo(sentence)
     return flight
 
 
 def examine(folder: Path) -> tuple[Flight, dict[str, Any]]:
     """Read the run and write its metrics, figure and report beside the bag; the flight and its metrics.
 
-    `ignored_messages` of the metrics tells, by topic, how many messages belong to no step or cannot be understood.
+    `ignored_messages` of the metrics tells, by topic, how many messages belong to no step or cannot be understood,
+    `reference_steps_not_recorded` how many steps of the reference are those of the recorded scenario.
     """
     if folder.is_file():
         raise VerbError(f"{folder} is a file: give the run folder that it lies in")
     recording = RecordedFlight(folder)
     flight = recording.flight()
-    values = {**metrics(flight), "ignored_messages": dict(recording.ignored)}
+    of_recording = {
+        "ignored_messages": dict(recording.ignored),
+        "reference_steps_not_recorded": recording.reference_added,
+    }
+    values = {**metrics(flight), **of_recording}
     figure = png(tracking_figure(flight))
     report = report_html(flight, values, figure, _versions(folder / "versions.json"))
     (folder / "metrics.json").write_text(to_json(values) + "\n", encoding="utf-8")

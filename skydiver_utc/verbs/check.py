@@ -11,6 +11,7 @@ from rich.text import Text
 
 from skydiver_utc.analysis.controller_check import Check, report
 from skydiver_utc.analysis.controller_check import check as ask
+from skydiver_utc.analysis.labels import reference_added
 from skydiver_utc.analysis.metrics import to_json
 from skydiver_utc.analysis.recorded_flight import RecordedFlight
 from skydiver_utc.parameters import Scenario, load_scenario, override
@@ -76,6 +77,8 @@ def _show(values: dict[str, Any]) -> None:
     if values["first_step"]:
         begins = f"checked from step {values['first_step']} on, where the controller began anew"
         console.print(Text(f"{begins}: the recording lacks the beginning"), soft_wrap=True)
+    if sentence := reference_added(values["reference_steps_not_recorded"]):
+        console.print(Text(sentence), soft_wrap=True)
     if values["equal"]:
         console.print(
             Text(f"{values['asked']}: all {values['steps']} commands are the recorded ones, bit for bit")
