@@ -252,7 +252,9 @@ def replay(
         raise click.UsageError("--controller, --set, --figure and --json go with --check")
     from skydiver_utc.verbs.replay import replay as play
 
-    names = [name for name in (topics or "").split(",") if name]
+    names = [] if topics is None else [name.strip() for name in topics.split(",")]
+    if not all(names):
+        raise click.UsageError(f"--topics {topics!r} has an empty name: write them as in state,command")
     raise SystemExit(play(Path(run_folder), rate, start, loop, paused, names, quiet))
 
 

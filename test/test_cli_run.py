@@ -220,6 +220,14 @@ def test_what_the_caller_has_set_stands() -> None:
     assert {name: environment[name] for name in given} == given
 
 
+@pytest.mark.parametrize("domain", ["900", "233", "abc", "-1", "1.5", "²"])
+def test_a_domain_that_there_is_not_is_named_with_those_that_there_are(domain: str) -> None:
+    with pytest.raises(VerbError) as raised:
+        node_environment({"ROS_DOMAIN_ID": domain})
+    assert str(raised.value) == f"ROS_DOMAIN_ID is {domain!r}: it must be a whole number from 0 to 232"
+    assert node_environment({"ROS_DOMAIN_ID": "232"})["ROS_DOMAIN_ID"] == "232"
+
+
 @pytest.mark.parametrize("opened", [{RANGE: "SUBNET"}, {STATIC_PEERS: "10.0.0.2"}])
 def test_a_network_gets_the_profile_that_repairs_losses_soon(opened: dict[str, str]) -> None:
     assert PROFILE not in node_environment({})

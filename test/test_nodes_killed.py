@@ -14,7 +14,7 @@ from test_nodes_flight import Bag
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.lockstep_controller import ControllerNode
 from skydiver_utc.nodes.lockstep_plant import PlantNode
-from skydiver_utc.nodes.messages import NamedValuesWriter, StateWriter, read_named_values
+from skydiver_utc.nodes.messages import NamedValuesWriter, StateWriter, read_named_values, read_state
 from skydiver_utc.nodes.preview import PreviewWriter
 from skydiver_utc.nodes.stamps import StepGrid
 from skydiver_utc.parameters import load_scenario, scenario_names
@@ -98,6 +98,30 @@ def test_a_reference_killed_and_started_again_is_heard(ros: Ros, processes: Proc
     simulated = simulate(flight.scenario).commands
     commands = controls(flight.commands, flight.grid)
     assert np.array([commands[k] for k in range(len(simulated))]).tobytes() == simulated.tobytes()
+
+
+@pytest.mark.parametrize("stalled_s", [0.1, 5.0])
+def test_a_controller_that_stands_still_in_lockstep_changes_no_bit(
+    ros: Ros, processes: Processes, stalled_s: float
+) -> None:
+    flight = Flight(ros, processes)
+    ros.spin_until(lambda: flight.step() >= KILLED_AT)
+    flight.nodes["controller"].signal(signal.SIGSTOP)
+    ros.spin_for(stalled_s)
+    stood_at = flight.step()
+    flight.nodes["controller"].signal(signal.SIGCONT)
+    assert KILLED_AT <= stood_at < flight.scenario.steps
+    assert flight.outcome()["outcome"] == "completed"
+    simulated = simulate(flight.scenario)
+    ros.spin_until(lambda: len(controls(flight.commands, flight.grid)) == flight.scenario.steps)
+    commands = controls(flight.commands, flight.grid)
+    assert np.array([commands[k] for k in range(len(commands))]).tobytes() == simulated.commands.tobytes()
+    ros.spin_until(lambda: flight.step() == flight.scenario.steps)
+    states = {flight.grid.step_of(message.header.stamp): message for message in flight.states}
+    flown = np.array([read_state(states[k]) for k in range(flight.scenario.steps + 1)])
+    assert flown.tobytes() == simulated.states.tobytes()
+    if stalled_s > 1.0:
+        assert f"no command for step {stood_at}" in flight.nodes["plant"].output
 
 
 def test_when_the_plant_is_killed_the_others_say_so_and_serve_the_next_one(

@@ -280,6 +280,13 @@ def test_the_check_refuses_options_of_playing(tmp_path: Path, option: str) -> No
     assert "do not go with --check" in result.output
 
 
+@pytest.mark.parametrize("names", ["", ",", "state,", "state, ,command"])
+def test_a_topic_without_a_name_is_refused(tmp_path: Path, names: str) -> None:
+    result = CliRunner().invoke(main, ["replay", str(tmp_path), "--topics", names])
+    assert result.exit_code == 2
+    assert f"--topics {names!r} has an empty name: write them as in state,command" in result.output
+
+
 def test_a_folder_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
     result = CliRunner().invoke(main, ["replay", str(tmp_path / "nothere")])
     assert result.exit_code == 2

@@ -174,8 +174,8 @@ def test_launch_files_start_nodes_that_exist_with_parameters_that_exist(path: Pa
         known = {leaf.name for leaf in OWN_PARAMETERS[node.get("exec", "").removesuffix("_node")]}
         given = {parameter.get("name"): parameter.get("value") for parameter in node.iter("param")}
         assert set(given) <= known
-        if "mode" in known:
-            assert given["mode"] == "$(var mode)"
+        for name in {"mode", "delay_steps"} & known:
+            assert given[name] == f"$(var {name})"
 
 
 @LAUNCH_FILES
@@ -224,7 +224,7 @@ def test_a_recorder_that_cannot_begin_ends_the_launch_and_no_other_does(
 @LAUNCH_FILES
 def test_a_launch_file_may_be_launched_twice_and_flies_in_lockstep_unless_told_otherwise(path: Path) -> None:
     arguments = {a.get("name"): a.get("default") for a in ElementTree.parse(path).getroot().iter("arg")}
-    assert arguments["mode"] == "lockstep"
+    assert (arguments["mode"], arguments["delay_steps"]) == ("lockstep", "0")
     # Empty: the recorder takes a folder with the time in its name.
     assert arguments["output_folder"] == "" or "$(anon " in str(arguments["output_folder"])
 

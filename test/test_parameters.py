@@ -67,6 +67,8 @@ def test_steps_and_stamps_are_integers():
         ({"plant.hands.K_N": "fifty"}, ["plant.hands.K_N", "'fifty'"]),
         ({"plant.hands.K_N": math.nan}, ["plant.hands.K_N", "finite"]),
         ({"plant.hands.K_N": math.inf}, ["plant.hands.K_N", "finite"]),
+        ({"plant.hands.K_N": "nan"}, ["parameter plant.hands.K_N: write a finite number, found 'nan'"]),
+        ({"plant.hands.K_N": "-inf"}, ["parameter plant.hands.K_N: write a finite number, found '-inf'"]),
         ({"plant.hands.K_N": True}, ["plant.hands.K_N"]),
         ({"dt_s": -0.0042}, ["dt_s", "-0.0042"]),
         ({"dt_s": 0}, ["dt_s"]),

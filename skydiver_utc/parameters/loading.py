@@ -1,6 +1,7 @@
 """From a scenario's name to a validated, frozen `Scenario`."""
 
 import difflib
+import math
 import os
 import re
 import sys
@@ -189,6 +190,14 @@ def _convert(content: dict[str, Any], origin: str) -> Scenario:
         raise ParameterError(f"{_sentence(str(error), content)} (scenario {origin})") from error
 
 
+def _not_finite(value: object) -> bool:
+    """True for a text like nan or inf, which YAML does not take for a number."""
+    try:
+        return isinstance(value, str) and not math.isfinite(float(value))
+    except ValueError:
+        return False
+
+
 def _sentence(message: str, content: dict[str, Any]) -> str:
     """msgspec's message with the parameter's dotted name first, the value found, and a near name."""
     fault, _, place = message.partition(" - at `$")
@@ -212,6 +221,8 @@ def _sentence(message: str, content: dict[str, Any]) -> str:
     choices = _choices(path)
     if choices and isinstance(value, str):
         return f"parameter {path}: there is no {value!r}, choose one of {', '.join(choices)}"
+    if _not_finite(value):
+        return f"parameter {path}: write a finite number, found {value!r}"
     for jargon, plain in _PLAIN_WORDS.items():
         fault = fault.replace(jargon, plain)
     found = f", found {value!r}" if isinstance(value, str | int | float | bool) else ""

@@ -12,6 +12,7 @@ from skydiver_utc.verbs.errors import VerbError
 
 # DDS derives its ports from the domain; above 101 they run into those that Linux hands out at random.
 _DOMAINS = range(1, 102)
+_LAST_DOMAIN = 232
 _FIRST_DISCOVERY_PORT = 7410
 _PORTS_PER_DOMAIN = 250
 
@@ -31,8 +32,10 @@ def node_environment(base: Mapping[str, str]) -> dict[str, str]:
     """The caller's environment, confined to this machine and to a free domain unless it says otherwise."""
     environment = _without_bootstrap(base)
     discovery.prepare(environment)
-    if not environment.get("ROS_DOMAIN_ID"):
-        environment["ROS_DOMAIN_ID"] = str(free_domain())
+    domain = environment.get("ROS_DOMAIN_ID") or str(free_domain())
+    if not (domain.isascii() and domain.isdigit() and int(domain) <= _LAST_DOMAIN):
+        raise VerbError(f"ROS_DOMAIN_ID is {domain!r}: it must be a whole number from 0 to {_LAST_DOMAIN}")
+    environment["ROS_DOMAIN_ID"] = domain
     return environment
 
 
