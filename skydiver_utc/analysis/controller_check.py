@@ -25,8 +25,9 @@ class Check:
     """The recorded flight, as far as it was checked, and the answers of the controller asked, commands (K, 4).
 
     `reference_added` counts the steps of the reference that no recorded message tells, at the end of the flight or
-    where its node was dead: there the recorded scenario's own reference stands in. In real time a step without an answer has the command
-    that was held, and the recorded controller saw the newest states only: equal bits are not to be had.
+    where its node was dead: there the recorded scenario's own reference stands in. In real time a step without an
+    answer has the command that was held, and the recorded controller saw the newest states only: equal bits are not
+    to be had.
     """
 
     flight: Flight

@@ -35,8 +35,8 @@ def read_flight(path: Path | str) -> Flight:
     Nothing but the bag is read. A flight that ended early has the steps up to its last complete one; a bag without
     an outcome gives outcome aborted and an unknown (NaN) wall time. A recorder that was started in flight gives the
     steps from the first complete one on (`Flight.first_step`). A step missing in between raises `AnalysisError`,
-    what is not a bag `RecordingError`. A step that the reference topics do not tell is that of the recorded scenario
-    (`RecordedFlight.reference_added`).
+    what is not a bag `RecordingError`. A step that the reference topics do not tell is that of the
+    recorded scenario (`RecordedFlight.reference_added`).
     Messages off the grid, outside of the flight or not to be understood are left out (`RecordedFlight.ignored`). Of
     several of one step the first counts that was not sent too early to be the flight's: a command or telemetry
     before the state that it answers, an applied command before the state that it led to, any other message before
@@ -123,7 +123,7 @@ class RecordedFlight:
         return values
 
     def told_reference(self) -> Floats:
-        """The reference (steps + 1,) by its setpoints, a step without one by the previews; NaN where neither tells."""
+        """The reference (steps + 1,) by its setpoints, else by the previews; NaN where neither tells."""
         signal = self.scenario.reference.signal
         axis = {"yaw_rate": "z", "pitch_rate": "y"}.get(signal, "")
 

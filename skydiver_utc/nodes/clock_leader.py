@@ -69,7 +69,8 @@ class ClockLeader:
             return
         self._senior.heed(
             f"the plant of {other.namespace} (process {other.claim.pid} on {other.claim.host}) publishes /clock"
-            " already: let this one follow it by -p clock:=follow, or give it another ROS domain",
+            " already",
+            "let this one follow it by -p clock:=follow, or give it another ROS domain",
             lambda: _has_plant(self._node, other.namespace),
             "source",
         )

@@ -96,11 +96,11 @@ class RollCall:
             self.others += 1
             return
         since = time.strftime("%H:%M:%S", time.gmtime(other.since_ns / 1e9))
-        sentence = (
+        told = (
             f"another {other.kind} is here already (process {other.pid} on {other.host}, since {since} UTC)"
         )
         remedy = "end that one first, or give this one another namespace or ROS domain"
-        self._senior.heed(f"{sentence}: {remedy}", self._another_is_there, "claim")
+        self._senior.heed(told, remedy, self._another_is_there, "claim")
 
     def look_again(self) -> None:
         """Leave for a senior whose claim came before the graph showed it."""

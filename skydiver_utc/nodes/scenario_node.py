@@ -244,7 +244,7 @@ class ScenarioNode(ManagedNode):
 
     def _join(self, kind: str) -> RollCall:
         def another_is_there() -> bool:
-            return self.count_publishers(topics.ALIVE[kind].name) > 1
+            return bool(self.count_publishers(topics.ALIVE[kind].name) > 1)
 
         publish = self._publisher(topics.ROLL_CALL).publish
         roll_call = RollCall(kind, publish, another_is_there, self.refuse)

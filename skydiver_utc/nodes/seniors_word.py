@@ -20,13 +20,14 @@ class SeniorsWord:
         self._leave = leave
         self._doubted: tuple[str, Callable[[], bool], float] | None = None
 
-    def heed(self, sentence: str, is_there: Callable[[], bool], kind: str) -> None:
-        """Leave with this sentence, or raise `BorderError` of this kind where the senior is not there."""
+    def heed(self, told: str, remedy: str, is_there: Callable[[], bool], kind: str) -> None:
+        """Leave for what is told, or raise `BorderError` of this kind where the senior is not there."""
+        sentence = f"{told}: {remedy}"
         if is_there():
             self._leave(sentence)
             return
         self._doubted = sentence, is_there, time.monotonic()
-        raise BorderError(kind, f"it says that {sentence.partition(':')[0]}, which the graph does not confirm")
+        raise BorderError(kind, f"it says that {told}, which the graph does not confirm")
 
     def look_again(self) -> None:
         """Leave for the senior that was doubted, if by now it is there."""
