@@ -16,8 +16,7 @@ from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows, Times
 from skydiver_utc.parameters import ParameterError, Scenario, from_yaml, override
 from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.reader import RecordedTopic, read_bag
-from skydiver_utc.reference.profiles import ChangingReference
-from skydiver_utc.simulation.build import build_reference
+from skydiver_utc.simulation.build import build_changed_reference
 from skydiver_utc.simulation.flight import Flight, ParameterChange
 from skydiver_utc.simulation.outcome import Outcome
 
@@ -138,11 +137,7 @@ class RecordedFlight:
 
     def own_reference(self, first: int, count: int) -> Floats:
         """The reference (count,) from a step on that the recorded scenario has, with the recorded changes of it."""
-        reference = ChangingReference(build_reference(self.scenario))
-        for change in self.changes():
-            if change.node == "reference":
-                reference.follow(change.step, build_reference(override(self.scenario, change.of_scenario)))
-        return reference.preview(first, count)
+        return build_changed_reference(self.scenario, self.changes()).preview(first, count)
 
     def _reference(self, first: int, end: int) -> Floats:
         told = self.told_reference()[first : end + 1]

@@ -1,5 +1,7 @@
 """From a scenario to the parts of its closed loop."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from skydiver_utc.control.delay import DelayCompensation
@@ -15,10 +17,12 @@ from skydiver_utc.parameters import (
     PoseControllerParameters,
     Scenario,
     UtcParameters,
+    override,
 )
 from skydiver_utc.plant.model import build_model
 from skydiver_utc.plant.skydiver import RATE_AT, SkydiverPlant
-from skydiver_utc.reference.profiles import ReferenceProfile
+from skydiver_utc.reference.profiles import ChangingReference, ReferenceProfile
+from skydiver_utc.simulation.flight import ParameterChange
 from skydiver_utc.simulation.rivals import build_gauss_newton, build_lqr, build_mppi
 from skydiver_utc.simulation.skydiver_utc_controller import SkydiverUtc
 
@@ -31,6 +35,15 @@ def build_plant(scenario: Scenario) -> SkydiverPlant:
 def build_reference(scenario: Scenario) -> ReferenceProfile:
     """What is wanted: a body rate or the pattern angle."""
     return ReferenceProfile(scenario)
+
+
+def build_changed_reference(scenario: Scenario, changes: Iterable[ParameterChange]) -> ChangingReference:
+    """What was wanted in a flight with these changes, in order of the steps; those of the reference count."""
+    reference = ChangingReference(build_reference(scenario))
+    for change in changes:
+        if change.node == "reference":
+            reference.follow(change.step, build_reference(override(scenario, change.of_scenario)))
+    return reference
 
 
 def build_controller(scenario: Scenario, delay_steps: int = 0) -> Controller:
