@@ -15,7 +15,7 @@ import pytest
 from child_processes import children
 
 from skydiver_utc.analysis.recorded_flight import read_flight
-from skydiver_utc.discovery import PROFILE, RANGE, STATIC_PEERS
+from skydiver_utc.discovery import PROFILE, RANGE
 from skydiver_utc.parameters import ParameterError, load_scenario, to_yaml
 from skydiver_utc.recording.metadata import message_count, metadata_yaml
 from skydiver_utc.simulation.closed_loop import simulate
@@ -228,12 +228,11 @@ def test_a_domain_that_there_is_not_is_named_with_those_that_there_are(domain: s
     assert node_environment({"ROS_DOMAIN_ID": "232"})["ROS_DOMAIN_ID"] == "232"
 
 
-@pytest.mark.parametrize("opened", [{RANGE: "SUBNET"}, {STATIC_PEERS: "10.0.0.2"}])
-def test_a_network_gets_the_profile_that_repairs_losses_soon(opened: dict[str, str]) -> None:
-    assert PROFILE not in node_environment({})
-    profile = Path(node_environment(opened)[PROFILE])
+@pytest.mark.parametrize("given", [{}, {RANGE: "SUBNET"}], ids=["this machine", "a network"])
+def test_nodes_get_the_profile_that_repairs_losses_soon(given: dict[str, str]) -> None:
+    profile = Path(node_environment(given)[PROFILE])
     assert "heartbeatPeriod" in profile.read_text(encoding="utf-8")
-    own = {**opened, PROFILE: "/mine.xml"}
+    own = {**given, PROFILE: "/mine.xml"}
     assert node_environment(own)[PROFILE] == "/mine.xml"
 
 

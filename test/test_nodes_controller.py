@@ -150,6 +150,77 @@ def test_after_a_silence_it_goes_back_to_the_step_where_the_plant_waits(stage: S
     assert stage.answered(4) == [0, 1, 2, 1]
 
 
+class Gap:
+    """A flight in real time whose reference ends while its states go on; `applied` is what the plant holds."""
+
+    def __init__(self, ros: Ros) -> None:
+        self.stage = Stage(ros, duration_s=10.0, mode="real_time", rejoin_wait_s=1000.0).ready()
+        self.ros, self.node = ros, self.stage.node
+        self.asked: list[int] = []
+        ask = self.node._rejoin
+
+        def count(k: int) -> None:
+            self.asked.append(k)
+            ask(k)
+
+        self.node._rejoin = count  # type: ignore[method-assign]
+        self.applied = self.stage.plant.sends(topics.APPLIED_COMMAND)
+        self.state(0)
+        self.stage.answered(1)
+        for k in range(100, 300, 20):  # beyond the preview, and more than what a silence may be
+            self.state(k)
+        ros.spin_until(lambda: self.node._pending is not None and self.node._pending[0] == 280)
+
+    def state(self, k: int) -> None:
+        self.stage.states.publish(self.stage.state_message(k))
+
+    def hold(self, k: int) -> None:
+        held = np.array([0.7, 0.2, 0.1, -0.4])
+        self.applied.publish(NamedValuesWriter(self.node.grid, CONTROL_NAMES).fill(k, held))
+
+
+def test_a_gap_of_the_reference_asks_once_what_is_applied_and_only_when_it_can_answer(ros: Ros) -> None:
+    gap = Gap(ros)
+    assert (gap.asked, gap.stage.answered(1)) == ([], [0])
+    gap.stage.plant.sends(topics.REFERENCE_PREVIEW).publish(gap.stage.reference(k0=240, count=600))
+    ros.spin_until(gap.applied.get_subscription_count)
+    gap.state(300)
+    gap.state(301)
+    ros.spin_for(0.1)
+    assert gap.asked == [280]
+    gap.hold(300)
+    assert gap.stage.answered(2) == [0, 301]
+    gap.state(302)
+    assert gap.stage.answered(3) == [0, 301, 302]
+    assert gap.asked == [280]
+    ros.spin_until(lambda: gap.applied.get_subscription_count() == 0)
+
+
+def test_while_the_reference_is_away_the_warning_names_it_and_not_the_plant(ros: Ros) -> None:
+    gap = Gap(ros)
+    gap.node._answered_at -= 60.0
+    assert gap.node._waits_for().startswith("waiting for the reference of step 280")
+    gap.node._pending = None
+    assert gap.node._waits_for() == ""
+    gap.node._new_state_at -= 60.0
+    assert gap.node._waits_for().startswith("no new state after step 0 for 60")
+
+
+def test_what_was_applied_before_the_reference_went_away_again_is_asked_anew(ros: Ros) -> None:
+    gap = Gap(ros)
+    gap.stage.plant.sends(topics.REFERENCE_PREVIEW).publish(gap.stage.reference(k0=240, count=300))
+    ros.spin_until(gap.applied.get_subscription_count)
+    gap.state(500)
+    ros.spin_until(lambda: gap.node._pending is not None and gap.node._pending[0] == 500)
+    gap.hold(499)
+    ros.spin_until(lambda: gap.applied.get_subscription_count() == 0)
+    gap.stage.plant.sends(topics.REFERENCE_PREVIEW).publish(gap.stage.reference(k0=480, count=600))
+    ros.spin_until(gap.applied.get_subscription_count)
+    gap.hold(499)
+    assert gap.stage.answered(2) == [0, 500]
+    assert gap.asked == [280, 500]
+
+
 def test_a_new_step_0_begins_a_new_flight(stage: Stage) -> None:
     stage.ready()
     for k in (0, 1, 2, 0, 1, 2):

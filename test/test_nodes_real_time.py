@@ -173,6 +173,10 @@ class Killed(Watched):
         assert self.nodes["plant"].wait() == 0
         return told
 
+    def told(self) -> int:
+        """The step up to which the reference has told what is wanted."""
+        return max(self.grid.step_of(c.header.stamp) + len(c.points) for c in self.heard_previews)
+
     def steps_of(self, messages: list[Any]) -> set[int]:
         return {self.grid.step_of(message.header.stamp) for message in messages}
 
@@ -203,14 +207,30 @@ def test_a_controller_killed_and_started_again_goes_on_from_the_applied_command(
 
 
 def test_a_reference_killed_and_started_again_is_heard_in_real_time(ros: Ros, processes: Processes) -> None:
-    """Answers go on beyond all that the first one had told."""
+    """It comes in at a step that the clock has reached since its start, with the chunk of that step.
+
+    How long the first new command takes from there is measured by what the node takes from its start to that step,
+    in the same run: its process has to start and find the others.
+    """
     flight = Killed(ros, processes)
-    flight.kill_and_start("reference")
-    told = max(flight.grid.step_of(chunk.header.stamp) + len(chunk.points) for chunk in flight.heard_previews)
-    flight.until_step(told + 200)
+    started_at = flight.kill_and_start("reference")
+    reference = flight.nodes["reference"]
+    told = flight.told()
+    ros.spin_until(lambda: "ready" in reference.output)
+    ready_at = flight.step()
     ros.spin_until(lambda: max(flight.steps_of(flight.commands)) > told + 100)
+    ros.spin_until(lambda: flight.told() > told + 100)
     flight.stop()
-    assert "ready" in flight.nodes["reference"].output
+    match = re.search(r"ready: comes in at step (\d+) of the clock", reference.output)
+    assert match is not None, reference.output
+    came_in_at = int(match[1])
+    assert came_in_at >= started_at
+    chunks = [flight.grid.step_of(chunk.header.stamp) for chunk in flight.heard_previews]
+    assert chunks == sorted(chunks)  # none of a step that was over
+    assert came_in_at - came_in_at % 80 in chunks
+    first = min(k for k in flight.steps_of(flight.commands) if k > max(told - 241, came_in_at))
+    print(f"started at {started_at}, came in at {came_in_at}, ready by {ready_at}, first command {first}")
+    assert first - ready_at <= ready_at - started_at
 
 
 def test_a_recorder_killed_in_real_time_does_not_stop_the_flight(

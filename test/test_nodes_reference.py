@@ -1,15 +1,18 @@
 """The reference node against a partner that plays the plant's clock."""
 
+import json
 from typing import Any
 
 import pytest
 from ros_fixtures import Partner, Ros, overrides
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.messages import ClockWriter
 from skydiver_utc.nodes.preview import read_preview
 from skydiver_utc.nodes.preview_publisher import ReferenceNode
+from skydiver_utc.nodes.roll_call import Claim
 from skydiver_utc.parameters import load_scenario
 from skydiver_utc.simulation.build import build_controller, build_reference
 
@@ -39,8 +42,14 @@ class Stage:
             self.plant.sends(topics.CLOCK).publish(self.write(k))
             self.ros.spin_until(lambda expected=expected: len(self.setpoints) >= expected)  # type: ignore[misc]
 
+    def claim(self, serving: bool) -> None:
+        """The plant says that it is there, and whether its flight goes on."""
+        claim = Claim("plant", "a", 1, serving, 1, "here", scenario="0")
+        self.plant.sends(topics.ROLL_CALL).publish(String(data=json.dumps(claim._asdict())))
+
     def begun(self) -> "Stage":
         self.plant.sends(topics.CLOCK)
+        self.claim(serving=False)
         self.ros.spin_until(lambda: self.chunks)
         return self
 
@@ -60,6 +69,59 @@ def test_the_first_chunk_comes_when_there_is_a_clock(stage: Stage) -> None:
     k0, values = read_preview(stage.chunks[0], stage.node.grid, "yaw_rate")
     expected = build_reference(stage.node.scenario).preview(0, PREVIEW + 2 * CHUNK + 1)
     assert (k0, values.tobytes()) == (0, expected.tobytes())
+
+
+def test_a_plant_that_makes_no_claim_is_served_as_well(stage: Stage) -> None:
+    stage.plant.sends(topics.CLOCK)
+    stage.ros.spin_until(lambda: stage.chunks)
+    assert stage.first_steps() == [0]
+
+
+def newcomer(stage: Stage) -> Any:
+    """The clock of a flight that the node comes into; it hears it twice, by a second listener with best effort."""
+    clock = stage.plant.sends(topics.CLOCK)
+    stage.claim(serving=True)
+    stage.ros.spin_until(lambda: clock.get_subscription_count() == 2)
+    return clock
+
+
+def test_a_newcomer_to_a_flight_begins_with_the_chunk_of_the_clock_s_step(stage: Stage) -> None:
+    newcomer(stage)
+    stage.ros.spin_for(0.3)
+    assert stage.chunks == []
+    stage.turn_to(57, 58)
+    stage.ros.spin_until(lambda: stage.chunks)
+    stage.ros.spin_for(0.1)
+    assert stage.first_steps() == [50]
+
+
+def test_a_newcomer_sends_nothing_older_when_the_clock_s_backlog_arrives(stage: Stage) -> None:
+    """Its reliable listener has the whole backlog late: each setpoint is sent, no chunk is replaced."""
+    clock = newcomer(stage)
+    for k in (57, 71):
+        stage.node.on_newest_clock(stage.write(k))
+    stage.turn_to(*range(33, 82))
+    stage.ros.spin_until(lambda: clock.get_subscription_count() == 1)  # costs nothing from then on
+    stage.ros.spin_until(lambda: len(stage.chunks) == 3)
+    assert stage.first_steps() == [50, 70, 80]
+
+
+def test_a_new_flight_s_clock_counts_after_a_backlog(stage: Stage) -> None:
+    newcomer(stage)
+    stage.node.on_newest_clock(stage.write(57))
+    stage.turn_to(57, 0, 1)
+    stage.ros.spin_until(lambda: len(stage.chunks) == 2)
+    assert stage.first_steps() == [50, 0]
+
+
+def test_a_late_listener_hears_only_the_last_claim_of_a_node(ros: Ros) -> None:
+    stage = Stage(ros).begun()
+    stage.turn_to(0)
+    late = ros.partner("late").hear(topics.ROLL_CALL)
+    ros.spin_until(lambda: [c for c in late if json.loads(c.data)["kind"] == "reference"])
+    ros.spin_for(0.2)
+    own = [claim for m in late if (claim := json.loads(m.data))["kind"] == "reference"]
+    assert [claim["serving"] for claim in own] == [True]
 
 
 def test_each_step_has_its_setpoint_and_a_preview_that_covers_it(stage: Stage) -> None:

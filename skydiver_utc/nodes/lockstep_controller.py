@@ -54,7 +54,8 @@ class ControllerNode(ScenarioNode):
         self._states: Subscription | None = None
         self._held: Subscription | None = None  # applied_command, while this node comes into a flight
         self._startup: Timer | None = None
-        self._asked_at = self._answered_at = time.monotonic()
+        self._asked_at = self._answered_at = self._new_state_at = time.monotonic()
+        self._asked = False  # since the last answer, or since the reference was missing
         self._status, self._slowest_s, self._rate = Status.SOLVED, 0.0, Rate()
         self._gap_steps = round(_LONGEST_GAP_S / self.scenario.dt_s)
         self._write_command = NamedValuesWriter(self.grid, CONTROL_NAMES).fill
@@ -85,7 +86,7 @@ class ControllerNode(ScenarioNode):
         """Stop listening to the state; the controller's memory is kept."""
         self._end_startup()
         self._end_rejoin()
-        self._pending = None
+        self._pending, self._asked = None, False
         if self._states is not None:
             self.destroy_subscription(self._states)
             self._states = None
@@ -146,9 +147,7 @@ class ControllerNode(ScenarioNode):
             self.answered = -1
             self._end_rejoin()
         if k < self.scenario.steps:
-            self._pending = (k, state)
-            if self._held is None and k > 0 and (self.answered < 0 or k - self.answered > self._gap_steps):
-                self._rejoin(k)
+            self._pending, self._new_state_at = (k, state), time.monotonic()
             self._answer_pending()
 
     def _check_order(self, k: int) -> None:
@@ -211,8 +210,12 @@ class ControllerNode(ScenarioNode):
             self._change_controller()
         preview = self._preview.window(k, self._needs)
         if preview is None:
+            self._asked = False
             return
-        self._pending = None
+        if self._comes_into_flight(k):
+            self._rejoin(k)
+            return
+        self._pending, self._asked = None, False
         if self._begins:
             self._tell_beginning(k)
         began_ns = time.perf_counter_ns()
@@ -263,11 +266,15 @@ class ControllerNode(ScenarioNode):
         chunk_steps = (self._preview.chunk - 1 - self._planned) // 2
         return self._planned + max(int(self.own["delay_steps"]), chunk_steps)
 
+    def _comes_into_flight(self, k: int) -> bool:
+        """True where what the plant holds is no longer the command decided last, and it was not asked for yet."""
+        return k > 0 and not self._asked and (self.answered < 0 or k - self.answered > self._gap_steps)
+
     def _rejoin(self, k: int) -> None:
         """Listen to what the plant holds: it says so at each step, and again whenever it sends a state again."""
         self.get_logger().warning(f"comes into a flight at step {k}: asks what command is applied")
         self._held = self.listen(topics.APPLIED_COMMAND, self.on_applied)
-        self._asked_at = time.monotonic()
+        self._asked, self._asked_at = True, time.monotonic()
 
     def _end_rejoin(self) -> None:
         if self._held is not None:
@@ -302,7 +309,9 @@ class ControllerNode(ScenarioNode):
                 f"waiting for the reference: it covers {self._preview.covered()}, one decision takes"
                 f" {self._needs} steps; is the reference node running, with the same scenario?"
             )
-        if self._pending is not None and self._held is None:
+        if self._held is not None:
+            return "waiting for the applied command of the flight that it comes into"
+        if self._pending is not None:
             sentence = (
                 f"waiting for the reference of step {self._pending[0]}: it covers {self._preview.covered()}"
             )
@@ -310,7 +319,7 @@ class ControllerNode(ScenarioNode):
         if waiting and (unheard := self.unmatched()):
             return f"waiting for listeners on {', '.join(unheard)}"
         in_flight = 0 <= self.answered < self.scenario.steps - 1
-        silent_s = time.monotonic() - self._answered_at
+        silent_s = time.monotonic() - self._new_state_at
         plant = self.presences[topics.PLANT]
         if in_flight and (silent_s > _PATIENCE_S or plant.state is State.DIED):
             return (

@@ -37,6 +37,11 @@ class PlantsScenario:
             self._plant = claim
         return self._new()
 
+    @property
+    def plant(self) -> Claim | None:
+        """The plant's claim, None before a plant has named its scenario."""
+        return self._plant
+
     def _new(self) -> str | None:
         if self._plant is None or self._plant.scenario == self._given:
             return None

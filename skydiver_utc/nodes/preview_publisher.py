@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rclpy.context import Context
+from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from skydiver_utc.nodes import topics
@@ -21,6 +22,10 @@ from skydiver_utc.simulation.build import build_reference
 
 _STARTUP_POLL_S = 0.02
 _PATIENCE_S = 5.0
+# How long a newcomer waits for the plant's claim, by which it knows a flight that goes on: a plant of one's own
+# need not make any. Usually it is there sooner; after that a clock heard with best effort tells of the flight, too.
+_CLAIM_WAIT_S = 2.0
+_CLAIM_USUAL_S = 0.1
 
 
 class ReferenceNode(ScenarioNode):
@@ -29,6 +34,10 @@ class ReferenceNode(ScenarioNode):
     A chunk reaches as far as the scenario's controller looks beyond the next two chunks, so that a controller
     never waits for one that is merely late. What a chunk has told is kept: a change of parameters takes effect at
     the first step that none has told yet.
+
+    One that comes into a flight sends nothing before it has heard the clock: a chunk of other steps would replace
+    what the controller still has. The reliable listener to `/clock` may have its first message a second late, and
+    then all that were sent meanwhile; until then a newcomer listens with best effort, too.
     """
 
     def __init__(self, context: Context | None = None, overrides: Mapping[str, object] | None = None) -> None:
@@ -45,13 +54,16 @@ class ReferenceNode(ScenarioNode):
         if self._has_setpoint:
             self._write_setpoint = SetpointWriter(self.grid, signal).fill
         self._clock_listener = self.listen(topics.CLOCK, self.on_clock)
+        self._newest_clock: Subscription | None = None  # best effort, while this node comes into a flight
+        self._newest = -1  # the step that it told last
         self._startup: Timer | None = None
+        self._clock_found_at = time.monotonic()
         self.start_unless_managed()
 
     def configure(self) -> None:
         """The profile of the scenario as it is now, from step 0 on."""
         super().configure()
-        self._chunk = self._k = -1
+        self._chunk = self._k = self._newest = -1
         self._reference = ChangingReference(self.rebuilt(self.scenario))
 
     def activate(self) -> None:
@@ -65,6 +77,7 @@ class ReferenceNode(ScenarioNode):
     def deactivate(self) -> None:
         """Publish nothing."""
         self._end_startup()
+        self._end_newest_clock()
 
     def rebuilt(self, scenario: Scenario) -> ReferenceProfile:
         """The profile of this scenario."""
@@ -95,6 +108,8 @@ class ReferenceNode(ScenarioNode):
             self.refusals.add(topics.CLOCK.name, error)
             return
         if self._k < 0:
+            self._end_newest_clock()
+            self._come_in(k)
             self.serve()
         if self._k < 0 or k < self._k:
             # A flight begins: its bag must tell.
@@ -102,16 +117,33 @@ class ReferenceNode(ScenarioNode):
                 self.tell_change(self._reference.changed_at)
             elif self.differs:
                 self.tell_change(0)
+        if k < self._k:
+            self._newest = -1
         repeated = k == self._k
         if not repeated:
             self._k, self._heard_at, self._told_silence = k, time.monotonic(), False
         # After the flight's end the clock goes on for another skydiver.
         if not self.active or k > self.scenario.steps:
             return
-        if repeated or k // self._chunk_steps != self._chunk:
+        # A chunk older than the newest step known would replace what the controller needs.
+        if k >= self._newest and (repeated or k // self._chunk_steps != self._chunk):
             self._publish_chunk(k // self._chunk_steps)
         if self._has_setpoint:
             self._setpoints.publish(self._write_setpoint(k, self._reference.value(k)))
+
+    def on_newest_clock(self, message: Any) -> None:
+        """The step of a flight that this node comes into: send its chunk, later those that follow."""
+        if self._newest_clock is None:
+            return
+        try:
+            k = self.grid.step_of(message.clock)
+        except BorderError as error:
+            self.refusals.add(topics.CLOCK.name, error)
+            return
+        self._newest = k
+        self._come_in(k)
+        if k <= self.scenario.steps and k // self._chunk_steps != self._chunk:
+            self._publish_chunk(k // self._chunk_steps)
 
     def newest_step(self) -> int:
         """The step of the clock heard last."""
@@ -134,12 +166,38 @@ class ReferenceNode(ScenarioNode):
         return Health(Level.OK, "following the clock", values)
 
     def _begin_when_heard(self) -> None:
-        """The first chunk lets the controller begin: it waits until this node hears and is heard."""
-        if self._clock_listener.get_publisher_count() > 0 and not self.unmatched():
+        """The first chunk lets the controller begin: it waits until this node hears and is heard.
+
+        A newcomer to a flight begins with the chunk of the clock's step instead.
+        """
+        if self._clock_listener.get_publisher_count() == 0:
+            self._clock_found_at = time.monotonic()
+        elif not self._comes_into_flight() and not self.unmatched():
             self._end_startup()
-            if self._chunk < 0:
-                self._publish_chunk(0)
+            self._end_newest_clock()
+            self._publish_chunk(0)
             self.get_logger().info("ready")
+
+    def _comes_into_flight(self) -> bool:
+        """True while the clock of a flight is waited for, or the claim of a plant that would tell of one."""
+        waited_s = time.monotonic() - self._clock_found_at
+        plant = self.plant_claim
+        if plant is not None and (self.serves or not plant.serving):
+            return False
+        if self._newest_clock is None and (plant is not None or waited_s > _CLAIM_USUAL_S):
+            self._newest_clock = self.listen(topics.CLOCK, self.on_newest_clock, qos=topics.NEWEST)
+        return waited_s < (_CLAIM_WAIT_S if plant is None else _PATIENCE_S)
+
+    def _come_in(self, k: int) -> None:
+        """The clock is heard: nothing more is waited for."""
+        if self._startup is not None:
+            self._end_startup()
+            self.get_logger().info(f"ready: comes in at step {k} of the clock")
+
+    def _end_newest_clock(self) -> None:
+        if self._newest_clock is not None:
+            self.destroy_subscription(self._newest_clock)
+            self._newest_clock = None
 
     def _end_startup(self) -> None:
         if self._startup is not None:

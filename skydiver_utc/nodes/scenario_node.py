@@ -22,7 +22,7 @@ from skydiver_utc.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
 from skydiver_utc.nodes.node_parameters import resolve
 from skydiver_utc.nodes.plants_scenario import PlantsScenario
 from skydiver_utc.nodes.presence import Presence
-from skydiver_utc.nodes.roll_call import RollCall, read_claim
+from skydiver_utc.nodes.roll_call import Claim, RollCall, read_claim
 from skydiver_utc.nodes.seniors_word import LOOK_AGAIN_PERIOD_S
 from skydiver_utc.nodes.stamps import StepGrid
 from skydiver_utc.nodes.topics import NAMESPACE, Topic
@@ -196,6 +196,16 @@ class ScenarioNode(ManagedNode):
         if self._roll_call is not None:
             self._roll_call.serve()
 
+    @property
+    def serves(self) -> bool:
+        """True where this node has taken part in a flight."""
+        return self._roll_call is not None and self._roll_call.claim.serving
+
+    @property
+    def plant_claim(self) -> Claim | None:
+        """What the plant says of itself, None before it has named its scenario."""
+        return self._plants_scenario.plant
+
     def fly(self, scenario: str) -> None:
         """From now on the scenario of this text, which is the one on `scenario`, is what this plant flies."""
         if self._roll_call is not None:
@@ -246,8 +256,10 @@ class ScenarioNode(ManagedNode):
         def another_is_there() -> bool:
             return bool(self.count_publishers(topics.ALIVE[kind].name) > 1)
 
-        publish = self._publisher(topics.ROLL_CALL).publish
-        roll_call = RollCall(kind, publish, another_is_there, self.refuse)
+        topic = topics.ROLL_CALL
+        # Who comes late hears of each node only what it said last, not that it once served no flight.
+        claims = self.create_publisher(topic.type, topic.name, topics.LATCHED)
+        roll_call = RollCall(kind, claims.publish, another_is_there, self.refuse)
         self.listen(topics.ROLL_CALL, self.on_claim)
         self.every(LOOK_AGAIN_PERIOD_S, roll_call.look_again)
         return roll_call
