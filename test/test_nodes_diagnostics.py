@@ -136,7 +136,7 @@ def test_a_controller_that_hears_no_more_states_says_so(ros: Ros, monkeypatch: p
     node = ros.add(ControllerNode(ros.context, overrides()))
     assert node.health().level is Level.OK  # nothing to do yet
     node.answered = 5
-    node._answered_at -= 7.0
+    node._new_state_at -= 7.0
     node._preview.add(0, np.zeros(500))
     monkeypatch.setattr(node, "unmatched", list)
     health = node.health()
