@@ -10,6 +10,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.analysis.metrics import SETTLING_S, row_from
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plant.model import build_model
 from skydiver_utc.plant.steady import HeldBody, straight_falls
@@ -20,7 +21,7 @@ Array = NDArray[np.float64]
 _YAW = 2  # of the body rates (3,)
 _UP = np.array([0.0, 0.0, 1.0])  # any: no moment depends on it
 _ALPHAS, _RATES, _PHASES = 31, 46, 181
-_BEGIN_S, _EACH_S = 2.0, 0.05
+_EACH_S = 0.05
 
 
 def bodies_at_the_bounds(scenario: Scenario) -> list[HeldBody]:
@@ -57,7 +58,7 @@ def in_flight(flight: Flight) -> tuple[float, float]:
     """The largest share after 2 s that the reference asks for where this flight is, and how often it passes 1."""
     bodies, dt_s = bodies_at_the_bounds(flight.scenario), flight.scenario.dt_s
     shares = []
-    for k in range(round(_BEGIN_S / dt_s), len(flight.reference) - 1, round(_EACH_S / dt_s)):
+    for k in range(row_from(SETTLING_S, flight), len(flight.reference) - 1, round(_EACH_S / dt_s)):
         asked = (flight.reference[k + 1] - flight.reference[k]) / dt_s
         if asked * flight.reference[k] > 0.0:
             there = yaw_accelerations(bodies, flight.states[k, 7:10], flight.states[k, 10:13])

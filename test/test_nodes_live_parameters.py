@@ -110,6 +110,19 @@ def check(folder: Path, *arguments: str) -> dict[str, Any]:
     return dict(json.loads(result.stdout))
 
 
+def record(ros: Ros, folder: Path, kind: str, given: dict[str, Any]) -> Bag:
+    """A flight of 0.4 s, its controller or reference started with parameters of its own."""
+    stage = Stage(ros, 0.4, wait_for_recorder=True)
+    for other in ("controller", "reference"):
+        stage.add(other, **(given if other == kind else {}))
+    stage.add("plant", command_timeout_s=50.0)
+    stage.given.pop("wait_for_recorder")
+    recorder = stage.add("recorder", bag_folder=str(folder))
+    ros.spin_until(lambda: recorder.finished and not recorder.missing())
+    assert recorder.close() == 0
+    return Bag(folder)
+
+
 @pytest.mark.parametrize(
     ("kind", "given"),
     [
@@ -124,15 +137,7 @@ def check(folder: Path, *arguments: str) -> dict[str, Any]:
 def test_parameters_given_to_one_node_at_the_start_are_recorded(
     ros: Ros, tmp_path: Path, kind: str, given: dict[str, Any]
 ) -> None:
-    stage = Stage(ros, 0.4, wait_for_recorder=True)
-    for other in ("controller", "reference"):
-        stage.add(other, **(given if other == kind else {}))
-    stage.add("plant", command_timeout_s=50.0)
-    stage.given.pop("wait_for_recorder")
-    recorder = stage.add("recorder", bag_folder=str(tmp_path / "bag"))
-    ros.spin_until(lambda: recorder.finished and not recorder.missing())
-    assert recorder.close() == 0
-    bag = Bag(tmp_path / "bag")
+    bag = record(ros, tmp_path / "bag", kind, given)
     told = [json.loads(message.data) for message in bag.of(topics.CHANGES)]
     assert told == [{"node": kind, "step": 0, "parameters": given, "control": None}]
     flown = simulate(override(load_scenario(SCENARIO, {"duration_s": 0.4}), given))
@@ -143,15 +148,7 @@ def test_parameters_given_to_one_node_at_the_start_are_recorded(
 
 def test_a_delay_that_is_compensated_is_recorded_told_and_asked_again(ros: Ros, tmp_path: Path) -> None:
     """It is a parameter of the controller's node and of no scenario."""
-    stage = Stage(ros, 0.4, wait_for_recorder=True)
-    stage.add("controller", delay_steps=2)
-    stage.add("reference")
-    stage.add("plant", command_timeout_s=50.0)
-    stage.given.pop("wait_for_recorder")
-    recorder = stage.add("recorder", bag_folder=str(tmp_path / "bag"))
-    ros.spin_until(lambda: recorder.finished and not recorder.missing())
-    assert recorder.close() == 0
-    bag = Bag(tmp_path / "bag")
+    bag = record(ros, tmp_path / "bag", "controller", {"delay_steps": 2})
     told = [json.loads(message.data) for message in bag.of(topics.CHANGES)]
     assert told == [{"node": "controller", "step": 0, "parameters": {"delay_steps": 2}, "control": None}]
     plain = simulate(load_scenario(SCENARIO, {"duration_s": 0.4}))

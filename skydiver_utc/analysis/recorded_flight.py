@@ -31,17 +31,16 @@ Topics = Mapping[str, RecordedTopic]
 def read_flight(path: Path | str) -> Flight:
     """The flight that a run folder, a bag folder or an .mcap file holds.
 
-    Nothing but the bag is read. A flight that ended early has the steps up to its last complete one; a bag without
-    an outcome gives outcome aborted and an unknown (NaN) wall time. A recorder that was started in flight gives the
-    steps from the first complete one on (`Flight.first_step`). A step missing in between raises `AnalysisError`,
-    what is not a bag `RecordingError`. A step that the reference topics do not tell is that of the
-    recorded scenario (`RecordedFlight.reference_added`).
-    Messages off the grid, outside of the flight or not to be understood are left out (`RecordedFlight.ignored`). Of
-    several of one step the first counts that was not sent too early to be the flight's: a command or telemetry
-    before the state that it answers, an applied command before the state that it led to, any other message before
-    that of the step before. A stranger's message sent just in time cannot be told from the flight's own.
-    Telemetry is not asked for: a step without it is NaN. In real time a state may have no command of
-    its own: it has the one before.
+    Nothing but the bag is read. A flight that ended early has the steps up to its last complete one; a bag
+    without an outcome gives outcome aborted and an unknown (NaN) wall time. A recorder that was started in
+    flight gives the steps from the first complete one on (`Flight.first_step`). A step missing in between
+    raises `AnalysisError`, what is not a bag `RecordingError`. A step that the reference topics do not tell is
+    that of the recorded scenario (`RecordedFlight.reference_added`). Messages off the grid, outside of the
+    flight or not to be understood are left out (`RecordedFlight.ignored`). Of several of one step the first
+    counts that was not sent too early to be the flight's: a command or telemetry before the state that it
+    answers, an applied command before the state that it led to, any other message before that of the step
+    before. A stranger's message sent just in time cannot be told from the flight's own. Telemetry is not asked
+    for: a step without it is NaN. In real time a state may have no command of its own: it has the one before.
     """
     return RecordedFlight(Path(path)).flight()
 

@@ -18,35 +18,30 @@ class PlantsScenario:
     """
 
     def __init__(self) -> None:
-        self._plant: Claim | None = None
+        self.plant: Claim | None = None  # what the plant says of itself, once it has named its scenario
         self._held: deque[str] = deque(maxlen=_HELD)
         self._given = ""  # checksum of the scenario that was returned last
 
     def hear(self, text: str) -> str | None:
         """The scenario, if it is the plant's and new; `BorderError` if the plant names another one."""
         self._held.append(text)
-        if self._plant is not None and checksum(text) != self._plant.scenario:
+        if self.plant is not None and checksum(text) != self.plant.scenario:
             raise BorderError("stranger", "it is not the scenario that the plant names")
         return self._new()
 
     def hear_claim(self, claim: Claim) -> str | None:
         """The plant's scenario, if by this claim one that has been heard is that, and new."""
-        known = self._plant
+        known = self.plant
         newcomer = known is not None and known.serving and not claim.serving and claim.id != known.id
         if claim.kind == PLANT and claim.scenario and not newcomer:
-            self._plant = claim
+            self.plant = claim
         return self._new()
 
-    @property
-    def plant(self) -> Claim | None:
-        """The plant's claim, None before a plant has named its scenario."""
-        return self._plant
-
     def _new(self) -> str | None:
-        if self._plant is None or self._plant.scenario == self._given:
+        if self.plant is None or self.plant.scenario == self._given:
             return None
         for text in self._held:
-            if checksum(text) == self._plant.scenario:
-                self._given = self._plant.scenario
+            if checksum(text) == self.plant.scenario:
+                self._given = self.plant.scenario
                 return text
         return None

@@ -38,8 +38,6 @@ _WATCHED = {
     topics.REFERENCE: (topics.PLANT,),
     topics.RECORDER: (topics.PLANT,),
 }
-
-
 # Own parameters that make a node's answers and that no scenario has.
 _BESIDE_THE_SCENARIO = {topics.CONTROLLER: ("delay_steps",)}
 

@@ -31,6 +31,9 @@ class Hands(Parameters, frozen=True):
     lx_m: Annotated[float, quantity("m", "distance of the hands from the long axis", ge=0, le=1)]
 
 
+CONTROLS = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
+
+
 class Limits(Parameters, frozen=True):
     """Actuator limits (eq:minmax_utc) and slew rate of the pattern angle (eq:lim)."""
 
@@ -41,7 +44,7 @@ class Limits(Parameters, frozen=True):
     alpha_rate: Annotated[float, quantity("rad/s", "slew rate of the pattern angle", gt=0, le=100)]
 
     def __post_init__(self) -> None:
-        for name in ("Cm_damp_yaw", "k_right", "k_left", "alpha"):
+        for name in CONTROLS:
             lower, upper = getattr(self, name)
             if not lower < upper:
                 raise ValueError(

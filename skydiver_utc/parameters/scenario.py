@@ -6,12 +6,11 @@ from typing import Annotated
 from skydiver_utc.parameters.body import Pattern, Posture, Subject
 from skydiver_utc.parameters.controller import Controller, OpenLoopParameters, UtcParameters
 from skydiver_utc.parameters.fields import Parameters, quantity, text
-from skydiver_utc.parameters.plant import Air, InitialCondition, PlantParameters
+from skydiver_utc.parameters.plant import CONTROLS, Air, InitialCondition, PlantParameters
 from skydiver_utc.parameters.reference import PostureReference, Reference, RotationReference
 
 # Fewer steps would not show a rotation's rise and fall.
 _SHORTEST_ROTATION = 10
-_CONTROLS = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
 
 
 class Scenario(Parameters, frozen=True, kw_only=True):
@@ -50,7 +49,7 @@ class Scenario(Parameters, frozen=True, kw_only=True):
         self._refuse_angles_beyond(limits.alpha)
         if isinstance(self.controller, UtcParameters):
             self._refuse_rest_beyond(self.controller)
-        for name in _CONTROLS:
+        for name in CONTROLS:
             lower, upper = getattr(limits, name)
             if not lower <= getattr(self.initial, name) <= upper:
                 raise ValueError(f"initial.{name} must lie inside its limits [{lower}, {upper}]")
@@ -76,7 +75,7 @@ class Scenario(Parameters, frozen=True, kw_only=True):
             )
 
     def _refuse_rest_beyond(self, controller: UtcParameters) -> None:
-        for name, rest, variance in zip(_CONTROLS, controller.rest, controller.P_rest, strict=True):
+        for name, rest, variance in zip(CONTROLS, controller.rest, controller.P_rest, strict=True):
             limits = getattr(self.plant.limits, name)
             if variance and not limits[0] <= rest <= limits[1]:
                 raise ValueError(
