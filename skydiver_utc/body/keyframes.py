@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The few postures of a recorded motion that a smooth path through them needs to be as good as all of them."""
 
 from itertools import pairwise

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The joint angles of a posture and its movement pattern over the pattern angle alpha."""
 
 from typing import Protocol
@@ -7,7 +8,7 @@ from numpy.typing import NDArray
 
 from skydiver_utc.body.posture import pattern_direction, posture_angles, refuse_beyond
 from skydiver_utc.body.segments import JOINTS
-from skydiver_utc.parameters import JointLimits, MovementPattern, ParameterError, Posture, PosturePath
+from skydiver_utc.parameters import MovementPattern, ParameterError, Posture, PosturePath, SkydiverSettings
 
 Array = NDArray[np.float64]
 
@@ -55,7 +56,7 @@ class _Straight:
 
 
 class _Path:
-    """Piecewise cubics through the postures: no angle leaves the range of two neighbours, no slope jumps."""
+    """Piecewise cubics through the postures: angles stay between their two neighbours, slopes are continuous."""
 
     def __init__(self, path: PosturePath) -> None:
         from scipy.interpolate import PchipInterpolator
@@ -74,38 +75,34 @@ class _Path:
         return np.asarray(self._slope(alpha), dtype=float)
 
 
-def check_movement(
-    limits: JointLimits,
-    posture: Posture,
-    pattern: MovementPattern | PosturePath,
-    alphas: tuple[float, float],
-    initial_alpha: float,
-) -> None:
-    """Refuse a movement that a body cannot take between the smallest and the largest alpha [rad].
+def check_movement(settings: SkydiverSettings, moves: Movement) -> None:
+    """Refuse a movement that the body cannot take between the smallest and the largest alpha.
 
     Raises `ParameterError` for joint angles beyond their ranges (in between they are between those that are
     checked), a path that does not cover the range of alpha, and one that does not start in the posture.
     """
+    limits, posture, pattern = settings.subject.joint_limits, settings.posture, settings.pattern
+    lowest, largest = settings.limits.alpha
     refuse_beyond(limits, posture_angles(posture), f"posture {posture.name}")
     if isinstance(pattern, MovementPattern):
-        moves = movement(posture, pattern)
-        for alpha in alphas:
+        for alpha in (lowest, largest):
             what = f"posture {posture.name} with pattern {pattern.name} at alpha = {alpha:g}"
             refuse_beyond(limits, moves.angles(alpha), what)
         return
     first, last = pattern.keyframes[0].alpha, pattern.keyframes[-1].alpha
-    if alphas[0] < first or alphas[1] > last:
+    if lowest < first or largest > last:
         raise ParameterError(
             f"pattern {pattern.name} goes from alpha = {first:g} to {last:g}, plant.limits.alpha from"
-            f" {alphas[0]:g} to {alphas[1]:g}: keep the limits within the path"
+            f" {lowest:g} to {largest:g}: keep the limits within the path"
         )
     for keyframe in pattern.keyframes:
         what = f"posture {keyframe.posture.name} of pattern {pattern.name}"
         refuse_beyond(limits, posture_angles(keyframe.posture), what)
-    apart = np.abs(movement(posture, pattern).angles(initial_alpha) - posture_angles(posture))
+    start = settings.initial.alpha
+    apart = np.abs(moves.angles(start) - posture_angles(posture))
     if apart.max() > _SAME_POSTURE_RAD:
         row, _ = divmod(int(apart.argmax()), apart.shape[1])
         raise ParameterError(
-            f"pattern {pattern.name} is not in posture {posture.name} at initial.alpha = {initial_alpha:g},"
+            f"pattern {pattern.name} is not in posture {posture.name} at initial.alpha = {start:g},"
             f" {JOINTS[row]} is {np.rad2deg(apart.max()):.1f} deg off: change posture or initial.alpha"
         )

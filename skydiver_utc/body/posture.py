@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From joint angles to where each segment is, and the inertia of the whole.
 
 Joint rotations are intrinsic: flexion about the mediolateral axis, then abduction about the

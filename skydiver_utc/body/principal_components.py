@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Movement patterns of recorded postures: principal component analysis, as the paper describes."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The 16 segments of the body and the 15 joints that hold them together.
 
 Zero pose: standing upright, arms at the sides, palms to the thighs, feet at right angles to the shanks.

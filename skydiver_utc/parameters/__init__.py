@@ -1,7 +1,8 @@
-"""Validated, frozen parameter sets: the one source of every number the core uses.
+# SPDX-License-Identifier: Apache-2.0
+"""Validated, frozen settings: the one source of every number that the package uses.
 
-Parameters live in YAML below ``config/``; `load_scenario` reads one scenario with everything it names,
-checks types, bounds and unknown keys, and returns immutable objects.
+They come from YAML below ``config/`` or from the user's own files; `load_scenario` reads one scenario with every
+file that it names, checks types, bounds and names, and returns immutable objects.
 """
 
 from skydiver_utc.parameters.body import (
@@ -17,47 +18,25 @@ from skydiver_utc.parameters.body import (
     Subject,
     Suit,
 )
-from skydiver_utc.parameters.controller import (
-    OpenLoopParameters,
-    PoseControllerParameters,
-    UtcParameters,
-)
+from skydiver_utc.parameters.errors import ParameterError
+from skydiver_utc.parameters.fields import Parameters, SlotSettings, quantity, text
 from skydiver_utc.parameters.leaves import Leaf, leaves
 from skydiver_utc.parameters.loading import from_yaml, load_scenario, override, scenario_names, to_yaml
-from skydiver_utc.parameters.plant import (
+from skydiver_utc.parameters.scenario import Scenario
+from skydiver_utc.parameters.skydiver import (
     Air,
     Damping,
     Hands,
     InitialCondition,
     Limbs,
     Limits,
-    PlantParameters,
+    SkydiverSettings,
 )
-from skydiver_utc.parameters.reference import (
-    ConstantReference,
-    PostureReference,
-    RotationReference,
-    Signal,
-    SineReference,
-)
-from skydiver_utc.parameters.rivals import (
-    CostParameters,
-    GaussNewtonParameters,
-    HorizonParameters,
-    LqrParameters,
-    MppiParameters,
-)
-from skydiver_utc.parameters.scenario import Scenario
-from skydiver_utc.parameters.yaml_io import ParameterError
 
 __all__ = [
     "Air",
-    "ConstantReference",
-    "CostParameters",
     "Damping",
-    "GaussNewtonParameters",
     "Hands",
-    "HorizonParameters",
     "InitialCondition",
     "JointLimits",
     "JointRange",
@@ -65,30 +44,25 @@ __all__ = [
     "Leaf",
     "Limbs",
     "Limits",
-    "LqrParameters",
     "MovementPattern",
-    "MppiParameters",
-    "OpenLoopParameters",
     "ParameterError",
+    "Parameters",
     "Pattern",
-    "PlantParameters",
-    "PoseControllerParameters",
     "Posture",
     "PosturePath",
-    "PostureReference",
-    "RotationReference",
     "Scenario",
     "SegmentData",
     "SegmentTable",
-    "Signal",
-    "SineReference",
+    "SkydiverSettings",
+    "SlotSettings",
     "Subject",
     "Suit",
-    "UtcParameters",
     "from_yaml",
     "leaves",
     "load_scenario",
     "override",
+    "quantity",
     "scenario_names",
+    "text",
     "to_yaml",
 ]

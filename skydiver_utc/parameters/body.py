@@ -1,7 +1,11 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of the body that falls: segments, suit, ranges of motion, subject, posture, movement pattern."""
 
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+from typing_extensions import Self
 
 from skydiver_utc.parameters.fields import Parameters, quantity
 
@@ -14,7 +18,7 @@ PatternAngle = Annotated[float, quantity("rad", "pattern angle", ge=-2, le=2)]
 Component = Annotated[float, quantity("rad/rad", "joint angle per unit of pattern angle", ge=-1, le=1)]
 
 
-class SegmentData(Parameters, frozen=True):
+class SegmentData(Parameters):
     """Inertial parameters of one segment as shares of the body's mass and the segment's length."""
 
     mass_fraction: Fraction
@@ -25,7 +29,7 @@ class SegmentData(Parameters, frozen=True):
     gyration_long: Fraction
 
 
-class SegmentTable(Parameters, frozen=True):
+class SegmentTable(Parameters):
     """Segment parameters of a population, for bilateral segments one entry serves both sides."""
 
     name: str
@@ -41,7 +45,7 @@ class SegmentTable(Parameters, frozen=True):
     segments: dict[str, SegmentData]
 
 
-class Suit(Parameters, frozen=True):
+class Suit(Parameters):
     """Drag areas of the dressed segments of a reference subject: front, side and axial."""
 
     name: str
@@ -51,23 +55,25 @@ class Suit(Parameters, frozen=True):
     drag_areas_m2: dict[str, tuple[Area, Area, Area]]
 
 
-class JointRange(Parameters, frozen=True):
+class JointRange(Parameters):
     """Smallest and largest angle of one joint in degrees, about each of its three axes."""
 
     flexion: tuple[AngleDeg, AngleDeg]
     abduction: tuple[AngleDeg, AngleDeg]
     rotation: tuple[AngleDeg, AngleDeg]
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check(self) -> Self:
         for name in ("flexion", "abduction", "rotation"):
             lower, upper = getattr(self, name)
             if lower > upper:
                 raise ValueError(
                     f"range of {name} is upside down: write the smaller of {lower}, {upper} first"
                 )
+        return self
 
 
-class JointLimits(Parameters, frozen=True):
+class JointLimits(Parameters):
     """Ranges of motion by kind of joint (shoulder, not left_shoulder): one entry serves both sides."""
 
     name: str
@@ -75,7 +81,7 @@ class JointLimits(Parameters, frozen=True):
     ranges_deg: dict[str, JointRange]
 
 
-class Subject(Parameters, frozen=True):
+class Subject(Parameters):
     """Who falls."""
 
     name: str
@@ -86,7 +92,7 @@ class Subject(Parameters, frozen=True):
     joint_limits: JointLimits
 
 
-class Posture(Parameters, frozen=True, kw_only=True):
+class Posture(Parameters):
     """Joint angles in degrees: flexion, abduction, internal rotation; a joint left out is at zero."""
 
     name: str
@@ -95,36 +101,43 @@ class Posture(Parameters, frozen=True, kw_only=True):
     joint_angles_deg: dict[str, tuple[AngleDeg, AngleDeg, AngleDeg]]
 
 
-class MovementPattern(Parameters, frozen=True, tag_field="kind", tag="direction"):
+class MovementPattern(Parameters):
     """Direction in joint space, of unit norm, that one pattern angle moves along."""
+
+    kind: Literal["direction"] = "direction"
 
     name: str
     description: str
     source: str
     components: dict[str, tuple[Component, Component, Component]]
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check(self) -> Self:
         norm = sum(c * c for row in self.components.values() for c in row) ** 0.5
         if abs(norm - 1.0) > 1e-6:
             raise ValueError(f"the movement pattern {self.name} must have unit norm, it has {norm:.6f}")
+        return self
 
 
-class Keyframe(Parameters, frozen=True):
+class Keyframe(Parameters):
     """A posture that a path goes through, and the pattern angle at which it does."""
 
     alpha: PatternAngle
     posture: Posture
 
 
-class PosturePath(Parameters, frozen=True, tag_field="kind", tag="path"):
+class PosturePath(Parameters):
     """Postures in joint space that one pattern angle moves through, in the order of growing alpha."""
+
+    kind: Literal["path"] = "path"
 
     name: str
     description: str
     source: str
     keyframes: tuple[Keyframe, ...]
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check(self) -> Self:
         alphas = [keyframe.alpha for keyframe in self.keyframes]
         if len(alphas) < 2:
             raise ValueError(f"the path {self.name} has {len(alphas)} keyframes: give at least two")
@@ -132,6 +145,7 @@ class PosturePath(Parameters, frozen=True, tag_field="kind", tag="path"):
             raise ValueError(
                 f"the keyframes of path {self.name} must be in the order of growing alpha: sort them"
             )
+        return self
 
 
-Pattern = MovementPattern | PosturePath
+Pattern = Annotated[MovementPattern | PosturePath, Field(discriminator="kind")]

@@ -1,12 +1,39 @@
-"""What every parameter field carries: a unit, a description and bounds."""
+# SPDX-License-Identifier: Apache-2.0
+"""What every setting carries: a unit, a description and bounds."""
 
-from typing import Any
+from typing import Any, get_origin
 
-import msgspec
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from typing_extensions import Self
 
 
-class Parameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Base of all parameter sets: immutable, unknown keys refused."""
+class Parameters(BaseModel):
+    """Base of all settings: immutable, unknown names refused, every number finite and no text for a number."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True, strict=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _rows_as_tuples(cls, content: Any) -> Any:
+        """YAML's lists as the tuples that frozen settings hold, but for a field that is a list."""
+        if not isinstance(content, dict):
+            return content
+        lists = {name for name, field in cls.model_fields.items() if get_origin(field.annotation) is list}
+        return {name: value if name in lists else _as_tuples(value) for name, value in content.items()}
+
+    def replace(self, **changes: Any) -> Self:
+        """A copy with other values, validated again; raises `pydantic.ValidationError`."""
+        return type(self).model_validate({**dict(self), **changes})
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data: blocks as dicts, rows as lists."""
+        return self.model_dump(mode="json")
+
+
+class SlotSettings(Parameters):
+    """Base of the settings of a plant, reference, controller, estimator or disturbance."""
+
+    kind: str
 
 
 def quantity(
@@ -17,12 +44,17 @@ def quantity(
     ge: float | None = None,
     lt: float | None = None,
     le: float | None = None,
-) -> msgspec.Meta:
-    """Annotation of one number: its unit ("1" where it has none), meaning and bounds."""
-    bounds: dict[str, Any] = {"gt": gt, "ge": ge, "lt": lt, "le": le}
-    return msgspec.Meta(description=description, extra={"unit": unit}, **bounds)
+) -> Any:
+    """Annotation of a number, or of a row of them: unit ("1" where there is none), meaning and bounds."""
+    return Field(description=description, json_schema_extra={"unit": unit}, gt=gt, ge=ge, lt=lt, le=le)
 
 
-def text(description: str) -> msgspec.Meta:
-    """Annotation of one text field."""
-    return msgspec.Meta(description=description, extra={"unit": ""})
+def text(description: str) -> Any:
+    """Annotation of a text, a truth value or a table."""
+    return Field(description=description)
+
+
+def _as_tuples(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(map(_as_tuples, value))
+    return {key: _as_tuples(item) for key, item in value.items()} if isinstance(value, dict) else value

@@ -1,18 +1,19 @@
-"""A scenario's scalar parameters by dotted name, for ROS parameters and overrides."""
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers, switches and choices of settings by dotted name, for ROS parameters and tables."""
 
-from collections.abc import Iterator
-from types import NoneType, UnionType
-from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
+from collections.abc import Iterator, Mapping
+from types import NoneType
+from typing import Any, Literal, NamedTuple, get_args, get_origin
 
-import msgspec
-
-from skydiver_utc.parameters.scenario import Scenario
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 Kind = Literal["float", "int", "bool", "str", "floats"]
 
 
 class Leaf(NamedTuple):
-    """One scalar (or one list of numbers) of a scenario."""
+    """One number, switch, choice or row of numbers."""
 
     name: str
     value: float | int | bool | str | tuple[float, ...]
@@ -24,57 +25,72 @@ class Leaf(NamedTuple):
     description: str
 
 
-def leaves(scenario: Scenario) -> list[Leaf]:
-    """Scalar parameters of the scenario by dotted name; tables and names are left out."""
-    return list(_leaves_of(scenario, ""))
+def leaves(settings: BaseModel, prefix: str = "") -> list[Leaf]:
+    """Scalars and rows of numbers by dotted name, without texts, tables and fields that are None."""
+    return list(_leaves_of(settings, prefix))
 
 
-def _leaves_of(parameters: Any, prefix: str) -> Iterator[Leaf]:
-    for field in msgspec.structs.fields(parameters):
-        value = getattr(parameters, field.name)
-        name = prefix + field.name
-        if isinstance(value, msgspec.Struct):
-            yield from _leaves_of(value, name + ".")
-        elif _is_scalar(value) and name not in ("name", "title", "description"):
-            yield _leaf(name, value, field.type)
+def _leaves_of(settings: BaseModel, prefix: str) -> Iterator[Leaf]:
+    for name, field in type(settings).model_fields.items():
+        value = getattr(settings, name)
+        if isinstance(value, BaseModel):
+            yield from _leaves_of(value, f"{prefix}{name}.")
+        elif isinstance(value, Mapping):
+            for key, item in value.items():
+                if isinstance(item, BaseModel):
+                    yield from _leaves_of(item, f"{prefix}{name}.{key}.")
+                elif kind := _kind(item, ()):
+                    yield _leaf(f"{prefix}{name}.{key}", item, kind, field, ())
+        else:
+            choices = _choices(field.annotation)
+            if name != "kind" and (kind := _kind(value, choices)):
+                yield _leaf(prefix + name, value, kind, field, choices)
 
 
-def _is_scalar(value: Any) -> bool:
-    """True for one number, truth value or text, and for a row of numbers; not for tables and what is not set."""
-    if isinstance(value, tuple):
-        return all(isinstance(item, int | float) for item in value)
-    return isinstance(value, bool | int | float | str)
-
-
-def _leaf(name: str, value: Any, annotation: Any) -> Leaf:
-    if get_origin(annotation) in (Union, UnionType):
-        annotation = next(one for one in get_args(annotation) if one is not NoneType)
-    meta = next((m for m in getattr(annotation, "__metadata__", ()) if isinstance(m, msgspec.Meta)), None)
-    base = getattr(annotation, "__origin__", annotation) if meta else annotation
-    kind: Kind
+def _kind(value: Any, choices: tuple[str, ...]) -> Kind | None:
     match value:
         case bool():
-            kind = "bool"
+            return "bool"
         case int():
-            kind = "int"
+            return "int"
         case float():
-            kind = "float"
-        case str():
-            kind = "str"
-        case _:
-            kind = "floats"
+            return "float"
+        case str() if choices:
+            return "str"
+        case tuple() if value and all(isinstance(item, int | float) for item in value):
+            return "floats"
+    return None
+
+
+def _choices(annotation: Any) -> tuple[str, ...]:
+    """The texts that a field may be, empty where any text is valid."""
+    if get_origin(annotation) is Literal:
+        return get_args(annotation)
+    parts = [part for part in get_args(annotation) if part is not NoneType]
+    return _choices(parts[0]) if len(parts) == 1 and get_origin(annotation) is not tuple else ()
+
+
+def _leaf(name: str, value: Any, kind: Kind, field: FieldInfo, choices: tuple[str, ...]) -> Leaf:
+    # The description of an optional number, `Annotated[float, ...] | None`, is at its number.
+    inner = (
+        part for item in get_args(field.annotation) for part in get_args(item) if isinstance(part, FieldInfo)
+    )
+    field = field if field.description else next(inner, field)
+    extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+    bounds: dict[str, float] = {}
+    for item in field.metadata:
+        match item:
+            case Ge(ge=bound) | Gt(gt=bound):
+                bounds["minimum"] = float(bound)  # type: ignore[arg-type]
+            case Le(le=bound) | Lt(lt=bound):
+                bounds["maximum"] = float(bound)  # type: ignore[arg-type]
     return Leaf(
         name=name,
         value=value,
         kind=kind,
-        minimum=_bound(meta, "ge", "gt"),
-        maximum=_bound(meta, "le", "lt"),
-        choices=get_args(base) if get_origin(base) is Literal else (),
-        unit=(meta.extra or {}).get("unit", "") if meta else "",
-        description=(meta.description or "") if meta else "",
+        minimum=bounds.get("minimum"),
+        maximum=bounds.get("maximum"),
+        choices=choices,
+        unit=str(extra.get("unit", "")),
+        description=field.description or "",
     )
-
-
-def _bound(meta: msgspec.Meta | None, *names: str) -> float | None:
-    bounds = [getattr(meta, n) for n in names if meta is not None and getattr(meta, n) is not None]
-    return float(bounds[0]) if bounds else None

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reading and writing YAML: numbers as in YAML 1.2, no key twice, errors of one sentence."""
 
 import math
@@ -7,9 +8,7 @@ from typing import Any
 
 import yaml
 
-
-class ParameterError(ValueError):
-    """A parameter, file or name is wrong; the message is one sentence that says what to do."""
+from skydiver_utc.parameters.errors import ParameterError
 
 
 class _StrictLoader(yaml.SafeLoader):

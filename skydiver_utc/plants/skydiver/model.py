@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the equations of motion need, laid out for the kernels."""
 
 from typing import NamedTuple
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from skydiver_utc.body.movement import Movement, movement
 from skydiver_utc.body.posture import Configuration, configuration, motion
 from skydiver_utc.body.segments import Body, build_body
-from skydiver_utc.parameters import Scenario
+from skydiver_utc.parameters import SkydiverSettings
 
 Array = NDArray[np.float64]
 
@@ -20,6 +21,8 @@ SEGMENT_COUNT = 16
 INERTIA_AT = 9 * SEGMENT_COUNT
 SWING_AT = INERTIA_AT + 6
 GEOMETRY_SIZE = SWING_AT + 3
+# Scratch of a step: geometry, inverse inertia, velocities of segments by limb motion, load, three states, two momenta.
+WORK_SIZE = GEOMETRY_SIZE + 6 + 3 * SEGMENT_COUNT + 6 + 3 * 13 + 6
 _SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -47,33 +50,37 @@ class PlantModel(NamedTuple):
     alpha_acceleration: float
     limb_reaction: bool
     dt: float
+    work: Array
 
 
-def build_model(scenario: Scenario) -> PlantModel:
-    """The plant of a scenario, with its posture tabulated over the pattern angle's range."""
-    body = build_body(scenario.subject)
-    plant = scenario.plant
-    alphas = np.linspace(*plant.limits.alpha, plant.pattern_nodes)
-    moves = movement(scenario.posture, scenario.pattern)
+def build_model(settings: SkydiverSettings, dt_s: float, moves: Movement | None = None) -> PlantModel:
+    """The numbers of a skydiver, with the posture tabulated over the pattern angle's range.
+
+    `moves` is the movement of the settings, if there is one already.
+    """
+    body = build_body(settings.subject)
+    alphas = np.linspace(*settings.limits.alpha, settings.pattern_nodes)
+    moves = moves or movement(settings.posture, settings.pattern)
     rows = [posture_row(body, moves, alpha) for alpha in alphas]
     return PlantModel(
         geometry=np.array(rows),
         alpha_first=float(alphas[0]),
-        nodes_per_rad=(plant.pattern_nodes - 1) / float(alphas[-1] - alphas[0]),
+        nodes_per_rad=(settings.pattern_nodes - 1) / float(alphas[-1] - alphas[0]),
         mass=body.total_mass,
         gravity=GRAVITY_M_S2,
-        half_density=0.5 * scenario.air.density_kg_m3,
-        damping_roll=plant.damping.Cm_damp_roll,
-        damping_pitch=plant.damping.Cm_damp_pitch,
-        damping_volume=0.5 * plant.damping.reference_area_m2 * plant.damping.reference_length_m**2,
-        hand_force=plant.hands.K_N,
-        hand_arm=plant.hands.lx_m,
-        control_min=np.array(plant.limits.minimum),
-        control_max=np.array(plant.limits.maximum),
-        alpha_slew=plant.limits.alpha_rate * scenario.dt_s,
-        alpha_acceleration=plant.limbs.alpha_acceleration,
-        limb_reaction=plant.limbs.reaction,
-        dt=scenario.dt_s,
+        half_density=0.5 * settings.air.density_kg_m3,
+        damping_roll=settings.damping.Cm_damp_roll,
+        damping_pitch=settings.damping.Cm_damp_pitch,
+        damping_volume=0.5 * settings.damping.reference_area_m2 * settings.damping.reference_length_m**2,
+        hand_force=settings.hands.K_N,
+        hand_arm=settings.hands.lx_m,
+        control_min=np.array(settings.limits.minimum),
+        control_max=np.array(settings.limits.maximum),
+        alpha_slew=settings.limits.alpha_rate * dt_s,
+        alpha_acceleration=settings.limbs.alpha_acceleration,
+        limb_reaction=settings.limbs.reaction,
+        dt=dt_s,
+        work=np.empty(WORK_SIZE),
     )
 
 
@@ -81,7 +88,7 @@ def posture_row(body: Body, moves: Movement, alpha: float) -> Array:
     """The row (153,) of the geometry table at a pattern angle [rad]."""
     angles = moves.angles(alpha)
     placed = configuration(body, angles)
-    return pack_geometry(body, placed, swing(body, placed, *motion(body, placed, angles, moves.slope(alpha))))
+    return pack_geometry(body, placed, limb_momentum(body, placed, angles, moves.slope(alpha)))
 
 
 def pack_geometry(body: Body, posture: Configuration, swing_per_rate: Array) -> Array:
@@ -93,8 +100,12 @@ def pack_geometry(body: Body, posture: Configuration, swing_per_rate: Array) -> 
     return np.concatenate([*blocks, swing_per_rate])
 
 
-def swing(body: Body, placed: Configuration, velocity: Array, turning: Array) -> Array:
-    """Angular momentum (3,) about the centre of mass, in pelvis axes, of limbs in motion (`motion`)."""
+def limb_momentum(body: Body, placed: Configuration, angles: Array, rates: Array) -> Array:
+    """Angular momentum (3,) [kg m2/s] about the centre of mass, in pelvis axes, of limbs in motion.
+
+    The joint angles (15, 3) [rad], in which `placed` is, change at the rates (15, 3) [rad/s].
+    """
+    velocity, turning = motion(body, placed, angles, rates)
     spin = np.einsum("ijk,ik,ilk,il->ij", placed.rotation, body.inertia, placed.rotation, turning)
     total: Array = (spin + body.mass[:, None] * np.cross(placed.centre, velocity)).sum(axis=0)
     return total

@@ -1,10 +1,11 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the turning pattern does to a straight fall: yaw acceleration at once, steady yaw rate in the end."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.plant.model import PlantModel
-from skydiver_utc.plant.steady import HeldBody, SteadyFall, steady_turn
+from skydiver_utc.plants.skydiver.model import PlantModel
+from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall, steady_turn
 
 Array = NDArray[np.float64]
 

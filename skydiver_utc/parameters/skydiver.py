@@ -1,21 +1,25 @@
-"""Parameters of the fall: air, damping, hand input, actuator limits, initial condition."""
+# SPDX-License-Identifier: Apache-2.0
+"""Settings of the skydiver as a plant: who falls, how, through which air, and from where."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
-from skydiver_utc.parameters.body import PatternAngle
-from skydiver_utc.parameters.fields import Parameters, quantity, text
+from pydantic import model_validator
+from typing_extensions import Self
+
+from skydiver_utc.parameters.body import Pattern, PatternAngle, Posture, Subject
+from skydiver_utc.parameters.fields import Parameters, SlotSettings, quantity, text
 
 DampingLimit = Annotated[float, quantity("1", "limit of the yaw damping coefficient", ge=0, le=50)]
 HandLimit = Annotated[float, quantity("1", "limit of a hand coefficient", ge=-50, le=50)]
 
 
-class Air(Parameters, frozen=True):
+class Air(Parameters):
     """The air fallen through."""
 
     density_kg_m3: Annotated[float, quantity("kg/m3", "air density, constant over the run", gt=0, le=2)]
 
 
-class Damping(Parameters, frozen=True):
+class Damping(Parameters):
     """Damping moments -Cm 1/2 rho |V| S L^2/2 omega; the yaw coefficient is a control."""
 
     Cm_damp_roll: Annotated[float, quantity("1", "roll damping moment coefficient", ge=0, le=50)]
@@ -24,7 +28,7 @@ class Damping(Parameters, frozen=True):
     reference_length_m: Annotated[float, quantity("m", "reference length L", gt=0, le=3)]
 
 
-class Hands(Parameters, frozen=True):
+class Hands(Parameters):
     """Input moment of the hands (eq_force2)."""
 
     K_N: Annotated[float, quantity("N", "hand force for a unit coefficient", ge=0, le=500)]
@@ -34,7 +38,7 @@ class Hands(Parameters, frozen=True):
 CONTROLS = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
 
 
-class Limits(Parameters, frozen=True):
+class Limits(Parameters):
     """Actuator limits (eq:minmax_utc) and slew rate of the pattern angle (eq:lim)."""
 
     Cm_damp_yaw: tuple[DampingLimit, DampingLimit]
@@ -43,13 +47,15 @@ class Limits(Parameters, frozen=True):
     alpha: tuple[PatternAngle, PatternAngle]
     alpha_rate: Annotated[float, quantity("rad/s", "slew rate of the pattern angle", gt=0, le=100)]
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check(self) -> Self:
         for name in CONTROLS:
             lower, upper = getattr(self, name)
             if not lower < upper:
                 raise ValueError(
                     f"limits of {name} are upside down: write the smaller of {lower}, {upper} first"
                 )
+        return self
 
     @property
     def minimum(self) -> tuple[float, float, float, float]:
@@ -62,8 +68,8 @@ class Limits(Parameters, frozen=True):
         return (self.Cm_damp_yaw[1], self.k_right[1], self.k_left[1], self.alpha[1])
 
 
-class Limbs(Parameters, frozen=True):
-    """How the limbs follow the pattern angle asked for, and whether the body feels their motion."""
+class Limbs(Parameters):
+    """How the limbs follow the commanded pattern angle, and whether their motion turns the body."""
 
     reaction: Annotated[bool, text("whether moving limbs turn the body (their angular momentum is kept)")]
     alpha_acceleration: Annotated[
@@ -71,17 +77,7 @@ class Limbs(Parameters, frozen=True):
     ]
 
 
-class PlantParameters(Parameters, frozen=True):
-    """Everything about the fall that is not the body."""
-
-    damping: Damping
-    hands: Hands
-    limits: Limits
-    limbs: Limbs
-    pattern_nodes: Annotated[int, quantity("1", "nodes of the posture table over alpha", ge=9, le=1025)] = 65
-
-
-class InitialCondition(Parameters, frozen=True):
+class InitialCondition(Parameters):
     """Where the flight starts: attitude, speed and the control then applied."""
 
     altitude_m: Annotated[float, quantity("m", "height of the world origin's vertical axis", ge=0, le=40000)]
@@ -94,3 +90,30 @@ class InitialCondition(Parameters, frozen=True):
     k_right: Annotated[float, quantity("1", "initial right hand coefficient", ge=0, le=50)] = 0.0
     k_left: Annotated[float, quantity("1", "initial left hand coefficient", ge=0, le=50)] = 0.0
     alpha: Annotated[float, quantity("rad", "initial pattern angle", ge=-3.2, le=3.2)] = 0.0
+
+
+class SkydiverSettings(SlotSettings):
+    """A skydiver in free fall."""
+
+    kind: Literal["skydiver"] = "skydiver"
+    belly_to_earth: Annotated[bool, text("whether a dorsal axis below the horizon counts as rolled over")] = (
+        True
+    )
+    air: Air
+    damping: Damping
+    hands: Hands
+    limits: Limits
+    limbs: Limbs
+    pattern_nodes: Annotated[int, quantity("1", "nodes of the posture table over alpha", ge=9, le=1025)] = 65
+    initial: InitialCondition
+    subject: Subject
+    posture: Posture
+    pattern: Pattern
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        for name in CONTROLS:
+            lower, upper = getattr(self.limits, name)
+            if not lower <= getattr(self.initial, name) <= upper:
+                raise ValueError(f"initial.{name} must lie inside its limits [{lower}, {upper}]")
+        return self

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a small part of a movement pattern does to a falling body, whatever else that body does."""
 
 import numpy as np
@@ -5,8 +6,8 @@ from numpy.typing import NDArray
 
 from skydiver_utc.body.segments import build_body
 from skydiver_utc.parameters import Scenario
-from skydiver_utc.plant.model import build_model
-from skydiver_utc.plant.trim import FallingBody
+from skydiver_utc.plants.skydiver.model import build_model
+from skydiver_utc.plants.skydiver.trim import in_posture
 
 Array = NDArray[np.float64]
 
@@ -21,12 +22,12 @@ def pattern_effect(scenario: Scenario, posture: Array, direction: Array) -> Arra
     For a body that falls straight down at the scenario's initial speed and pitch, by the difference of half a
     radian to both sides.
     """
-    initial = scenario.initial
-    falling = FallingBody(
-        build_body(scenario.subject), build_model(scenario), float(np.deg2rad(initial.pitch_deg))
-    )
+    initial = scenario.plant.initial
+    body, model = build_body(scenario.plant.subject), build_model(scenario.plant, scenario.dt_s)
     more, less = (
-        falling.acceleration(posture + side * _STEP * direction, initial.fall_speed_m_s)
+        in_posture(body, model, posture + side * _STEP * direction).straight_down(
+            initial.fall_speed_m_s, float(np.deg2rad(initial.pitch_deg))
+        )
         for side in (1.0, -1.0)
     )
     difference: Array = (more - less) / (2.0 * _STEP)

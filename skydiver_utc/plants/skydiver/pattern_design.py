@@ -1,14 +1,15 @@
+# SPDX-License-Identifier: Apache-2.0
 """Movement patterns by optimisation: the most of one acceleration for the least of others and of swinging limbs."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.body.posture import ANGLES, joint_ranges
+from skydiver_utc.body.posture import ANGLES, configuration, joint_ranges
 from skydiver_utc.body.segments import JOINTS, build_body
 from skydiver_utc.parameters import ParameterError, Scenario
-from skydiver_utc.plant.model import build_model
-from skydiver_utc.plant.pattern_kinds import PAIRED, PatternKind
-from skydiver_utc.plant.trim import FallingBody, Trim
+from skydiver_utc.plants.skydiver.model import build_model, limb_momentum
+from skydiver_utc.plants.skydiver.pattern_kinds import PAIRED, PatternKind
+from skydiver_utc.plants.skydiver.trim import Trim, in_posture
 
 Array = NDArray[np.float64]
 
@@ -26,19 +27,20 @@ def design_pattern(
     """
     from scipy.optimize import NonlinearConstraint, minimize
 
-    falling = FallingBody(build_body(scenario.subject), build_model(scenario), trim.pitch)
+    body, model = build_body(scenario.plant.subject), build_model(scenario.plant, scenario.dt_s)
     costs, swing_costs = kind.acceleration_costs, kind.swing_costs
 
     def cost(free: Array) -> float:
         direction = _direction(kind, free)
         total: float = 0.0
         for alpha, weight in kind.judged:
-            a = falling.acceleration(trim.angles + alpha * direction, trim.speed)
+            held = in_posture(body, model, trim.angles + alpha * direction)
+            a = held.straight_down(trim.speed, trim.pitch)
             linear = costs[0] * a[0] ** 2 + costs[1] * a[1] ** 2 + costs[2] * a[2] ** 2
             total += linear - weight * a[kind.wanted]
             total += costs[3] * a[3] ** 2 + costs[4] * a[4] ** 2 + costs[5] * a[5] ** 2
         total /= len(kind.judged)
-        h = falling.swing(trim.angles, direction)
+        h = limb_momentum(body, configuration(body, trim.angles), trim.angles, direction)
         total += swing_costs[0] * h[0] ** 2 + swing_costs[1] * h[1] ** 2 + swing_costs[2] * h[2] ** 2
         return float(total)
 
@@ -62,7 +64,7 @@ def design_pattern(
     best = min((one for one in found if one.success), key=lambda one: float(one.fun), default=None)
     if best is None:
         raise ParameterError(
-            f"no {kind.name} pattern was found for posture {scenario.posture.name}: try another seed"
+            f"no {kind.name} pattern was found for posture {scenario.plant.posture.name}: try another seed"
         )
     direction = _direction(kind, best.x)
     return direction / np.linalg.norm(direction)
@@ -70,7 +72,7 @@ def design_pattern(
 
 def _reach(kind: PatternKind, scenario: Scenario, trim: Trim) -> Array:
     """Largest size of each free component for which both sides stay within their ranges at every alpha."""
-    lower, upper = joint_ranges(scenario.subject.joint_limits)
+    lower, upper = joint_ranges(scenario.plant.subject.joint_limits)
     room = np.minimum(upper - trim.angles, trim.angles - lower) / max(map(abs, scenario.plant.limits.alpha))
     rows = [*kind.midline, *((f"left_{joint}", column) for joint, column in PAIRED)]
     free = np.array([room[JOINTS.index(joint), column] for joint, column in rows])

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Steady falls of a body that holds one posture: straight, and turning about the vertical.
 
 Attitude is the world's up direction in body axes, a unit vector, so that no attitude is singular and heading, on
@@ -12,8 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.parameters import ParameterError
-from skydiver_utc.plant.dynamics import STATE_SIZE, invert_inertia, posture_geometry, state_derivative
-from skydiver_utc.plant.model import GEOMETRY_SIZE, PlantModel
+from skydiver_utc.plants.skydiver.dynamics import (
+    STATE_SIZE,
+    invert_inertia,
+    posture_geometry,
+    state_derivative,
+)
+from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, PlantModel
+from skydiver_utc.rotations import attitude_with_up
 
 Array = NDArray[np.float64]
 
@@ -25,21 +32,33 @@ _SPEED = 50.0
 
 
 class HeldBody:
-    """A body that holds the posture of a pattern angle under a constant control (4,)."""
+    """A body that holds a posture under a constant control (4,): that of the pattern angle control[3], or any."""
 
-    def __init__(self, model: PlantModel, control: Array) -> None:
+    def __init__(self, model: PlantModel, control: Array, geometry: Array | None = None) -> None:
+        """`geometry` (153,) is the row of another posture, as `posture_row` makes it."""
         self.model, self.control = model, control
         self._geometry, self._inverse = np.empty(GEOMETRY_SIZE), np.empty(6)
-        posture_geometry(model, control[3], self._geometry)
+        if geometry is None:
+            posture_geometry(model, control[3], self._geometry)
+        else:
+            self._geometry[:] = geometry
         invert_inertia(self._geometry, self._inverse)
 
     def accelerations(self, up: Array, velocity: Array, rates: Array) -> Array:
-        """Linear [m/s2] and angular [rad/s2] acceleration (6,) in body axes, as the flight has them."""
+        """Linear [m/s2] and angular [rad/s2] acceleration (6,) in body axes, by the equations of a run.
+
+        up (3,) the world's up direction, velocity (3,) [m/s] and rates (3,) [rad/s], all in body axes
+        """
         state, derivative = np.zeros(STATE_SIZE), np.empty(STATE_SIZE)
-        state[3:7] = _quaternion(up)
+        state[3:7] = attitude_with_up(up)
         state[7:10], state[10:13] = velocity, rates
         state_derivative(self.model, self._geometry, self._inverse, self.control, state, derivative)
         return derivative[7:13]
+
+    def straight_down(self, speed: float, pitch: float) -> Array:
+        """Accelerations (6,) while falling straight down [m/s] with the head low by a pitch [rad]."""
+        up = np.array([-np.sin(pitch), 0.0, np.cos(pitch)])
+        return self.accelerations(up, -speed * up, np.zeros(3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,16 +210,6 @@ def _in_wind(weightless: HeldBody, direction: Array) -> Array:
 def _in_symmetry_plane(angle: float) -> Array:
     """Direction of the velocity: 0 ventral, positive to the head."""
     return np.array([np.sin(angle), 0.0, -np.cos(angle)])
-
-
-def _quaternion(up: Array) -> Array:
-    """One of the attitudes x y z w whose world up is `up` in body axes, exact for every unit vector."""
-    x, y, z = up
-    if z >= 0.0:
-        half = np.sqrt(0.5 * (1.0 + z))
-        return np.array([0.5 * y / half, -0.5 * x / half, 0.0, half])
-    half = np.sqrt(0.5 * (1.0 - z))
-    return np.array([half, 0.0, 0.5 * x / half, 0.5 * y / half])
 
 
 def _axis(vector: Array, positive: tuple[str, str, str], negative: tuple[str, str, str]) -> str:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How far the plant's table over the pattern angle is from the postures between its nodes."""
 
 from typing import NamedTuple
@@ -5,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.body.movement import Movement, movement
+from skydiver_utc.body.movement import Movement
 from skydiver_utc.body.segments import build_body
-from skydiver_utc.parameters import ParameterError, PosturePath, Scenario
-from skydiver_utc.plant.dynamics import posture_geometry
-from skydiver_utc.plant.model import (
+from skydiver_utc.parameters import ParameterError, PosturePath, SkydiverSettings
+from skydiver_utc.plants.skydiver.dynamics import posture_geometry
+from skydiver_utc.plants.skydiver.model import (
     GEOMETRY_SIZE,
     INERTIA_AT,
     SEGMENT_COUNT,
@@ -24,7 +25,7 @@ Array = NDArray[np.float64]
 # small a part as that is of its size.
 LARGEST_PLACE_M = 5e-4
 LARGEST_INERTIA_KG_M2 = 5e-3
-# At how many places each suspicion is followed before a flight.
+# At how many places each suspicion is followed before a run.
 _SUSPECTS = 6
 
 
@@ -47,23 +48,25 @@ class TableError(NamedTuple):
         )
 
 
-def refuse_coarse_table(scenario: Scenario, model: PlantModel) -> None:
+def refuse_coarse_table(settings: SkydiverSettings, model: PlantModel, moves: Movement) -> None:
     """Refuse a path that is too quick for the nodes of the table, by its worst places (`ParameterError`)."""
-    if not isinstance(scenario.pattern, PosturePath):
+    if not isinstance(settings.pattern, PosturePath):
         return
-    error = table_error(scenario, model, _SUSPECTS)
+    error = table_error(settings, model, moves, _SUSPECTS)
     if error.too_large:
         raise ParameterError(
-            f"plant.pattern_nodes = {len(model.geometry)} is too few for pattern {scenario.pattern.name}: between"
+            f"plant.pattern_nodes = {len(model.geometry)} is too few for pattern {settings.pattern.name}: between"
             f" nodes its table is off by {error}; raise plant.pattern_nodes, or set the postures farther apart"
         )
 
 
-def table_error(scenario: Scenario, model: PlantModel, suspects: int | None = None) -> TableError:
+def table_error(
+    settings: SkydiverSettings, model: PlantModel, moves: Movement, suspects: int | None = None
+) -> TableError:
     """Errors of the table halfway between its nodes and at the postures of a path: everywhere, or at suspects."""
-    body, moves = build_body(scenario.subject), movement(scenario.posture, scenario.pattern)
-    nodes = np.linspace(*scenario.plant.limits.alpha, len(model.geometry))
-    alphas = np.concatenate([0.5 * (nodes[1:] + nodes[:-1]), _keyframes_within(scenario)])
+    body = build_body(settings.subject)
+    nodes = np.linspace(*settings.limits.alpha, len(model.geometry))
+    alphas = np.concatenate([0.5 * (nodes[1:] + nodes[:-1]), _keyframes_within(settings)])
     if suspects is not None:
         alphas = alphas[_suspects(model, moves, nodes, alphas, suspects)]
     row, largest = np.empty(GEOMETRY_SIZE), np.zeros(GEOMETRY_SIZE)
@@ -77,10 +80,10 @@ def table_error(scenario: Scenario, model: PlantModel, suspects: int | None = No
     )
 
 
-def _keyframes_within(scenario: Scenario) -> Array:
+def _keyframes_within(settings: SkydiverSettings) -> Array:
     """Pattern angles of a path's postures inside the range of alpha: they may lie unseen between two nodes."""
-    first, last = scenario.plant.limits.alpha
-    keyframes = scenario.pattern.keyframes if isinstance(scenario.pattern, PosturePath) else ()
+    first, last = settings.limits.alpha
+    keyframes = settings.pattern.keyframes if isinstance(settings.pattern, PosturePath) else ()
     return np.array([k.alpha for k in keyframes if first < k.alpha < last])
 
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Modes of a linearised fall, named after the states that take part in them most."""
 
 from collections import Counter
@@ -6,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.plant.linearise import STATES, tilt_axes
-from skydiver_utc.plant.steady import SteadyFall
+from skydiver_utc.plants.skydiver.linearise import STATES, tilt_axes
+from skydiver_utc.plants.skydiver.steady import SteadyFall
 
 Array = NDArray[np.float64]
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Aerodynamics, equations of motion and their integration, as kernels.
 
 State (13,): position in world, quaternion x y z w body to world, velocity in body, body rates.
@@ -17,8 +18,14 @@ alpha' is zero and this is the rigid body.
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.jit import kernel
-from skydiver_utc.plant.model import GEOMETRY_SIZE, INERTIA_AT, SEGMENT_COUNT, SWING_AT, PlantModel
+from skydiver_utc.jit import inlined, kernel
+from skydiver_utc.plants.skydiver.model import (
+    GEOMETRY_SIZE,
+    INERTIA_AT,
+    SEGMENT_COUNT,
+    SWING_AT,
+    PlantModel,
+)
 
 Array = NDArray[np.float64]
 
@@ -26,11 +33,9 @@ STATE_SIZE = 13
 _DRIFT_SIZE = 3 * SEGMENT_COUNT
 # A factor, not a division: reassociation would pull the division into the loops over the table.
 _SIXTH = 1.0 / 6.0
-# Work space of a step: geometry, inverse inertia, the segments' velocities by limb motion, load, three states.
-WORK_SIZE = GEOMETRY_SIZE + 6 + _DRIFT_SIZE + 6 + 3 * STATE_SIZE
 
 
-@kernel
+@inlined
 def posture_geometry(model: PlantModel, alpha: float, out: Array) -> None:
     """Geometry (153,) at a pattern angle: cubic through the four nearest nodes of the table."""
     nodes = model.geometry.shape[0]
@@ -48,7 +53,7 @@ def posture_geometry(model: PlantModel, alpha: float, out: Array) -> None:
         )
 
 
-@kernel
+@inlined
 def segment_drift(model: PlantModel, alpha: float, rate: float, out: Array) -> None:
     """Velocities (48,), x then y then z, of the segments in the body frame when alpha moves at `rate` [rad/s]."""
     nodes = model.geometry.shape[0]
@@ -67,7 +72,7 @@ def segment_drift(model: PlantModel, alpha: float, rate: float, out: Array) -> N
         )
 
 
-@kernel
+@inlined
 def invert_inertia(geometry: Array, out: Array) -> None:
     """Inverse (xx, yy, zz, xy, xz, yz) of the symmetric inertia in a geometry row."""
     a, b, c = geometry[INERTIA_AT], geometry[INERTIA_AT + 1], geometry[INERTIA_AT + 2]
@@ -78,9 +83,9 @@ def invert_inertia(geometry: Array, out: Array) -> None:
     out[3], out[4], out[5] = scale * xy, scale * xz, scale * (d * e - a * f)
 
 
-@kernel
+@inlined
 def body_load(
-    model: PlantModel, geometry: Array, drift: Array, moving: bool, control: Array, state: Array, out: Array
+    model: PlantModel, geometry: Array, drift: Array, control: Array, state: Array, out: Array
 ) -> None:
     """Force and moment (6,) of air and hands about the centre of mass, in the body frame; drift as above."""
     vx, vy, vz = state[7], state[8], state[9]
@@ -89,13 +94,9 @@ def body_load(
     n = SEGMENT_COUNT
     for i in range(n):
         rx, ry, rz = geometry[i], geometry[n + i], geometry[2 * n + i]
-        ux = vx + wy * rz - wz * ry
-        uy = vy + wz * rx - wx * rz
-        uz = vz + wx * ry - wy * rx
-        if moving:
-            ux += drift[i]
-            uy += drift[n + i]
-            uz += drift[2 * n + i]
+        ux = vx + wy * rz - wz * ry + drift[i]
+        uy = vy + wz * rx - wx * rz + drift[n + i]
+        uz = vz + wx * ry - wy * rx + drift[2 * n + i]
         pressure = -model.half_density * np.sqrt(ux * ux + uy * uy + uz * uz)
         axy, axz, ayz = geometry[6 * n + i], geometry[7 * n + i], geometry[8 * n + i]
         sx = pressure * (geometry[3 * n + i] * ux + axy * uy + axz * uz)
@@ -115,7 +116,7 @@ def body_load(
     out[5] = mz - control[0] * damping * wz
 
 
-@kernel
+@inlined
 def kinematics(model: PlantModel, load: Array, state: Array, out: Array) -> None:
     """Derivatives (10,) of position, quaternion and velocity under a load (6,)."""
     qx, qy, qz, qw = state[3], state[4], state[5], state[6]
@@ -137,7 +138,7 @@ def kinematics(model: PlantModel, load: Array, state: Array, out: Array) -> None
     out[9] = load[2] / model.mass - model.gravity * r22 - (wx * vy - wy * vx)
 
 
-@kernel
+@inlined
 def angular_momentum(geometry: Array, rate: float, state: Array, out: Array) -> None:
     """H = I omega + h alpha' (3,) about the centre of mass, in the body frame."""
     j = INERTIA_AT
@@ -151,7 +152,7 @@ def angular_momentum(geometry: Array, rate: float, state: Array, out: Array) -> 
     )
 
 
-@kernel
+@inlined
 def body_rates(geometry: Array, inverse: Array, rate: float, momentum: Array, out: Array) -> None:
     """omega = I^-1 (H - h alpha') into out[10:13], H (3,)."""
     x = momentum[0] - rate * geometry[SWING_AT]
@@ -169,14 +170,14 @@ def state_derivative(
     """Time derivative (13,) of the state in a held posture, from its geometry and inverse inertia."""
     load = np.empty(6)
     momentum = np.empty(3)
-    body_load(model, geometry, geometry, False, control, state, load)
+    body_load(model, geometry, np.zeros(_DRIFT_SIZE), control, state, load)
     kinematics(model, load, state, out)
     angular_momentum(geometry, 0.0, state, momentum)
     _momentum_derivative(load, momentum, state, momentum)
     body_rates(geometry, inverse, 0.0, momentum, out)
 
 
-@kernel
+@inlined
 def _momentum_derivative(load: Array, momentum: Array, state: Array, out: Array) -> None:
     """H' = M - omega x H (3,), in the body frame; out may be the momentum."""
     wx, wy, wz = state[10], state[11], state[12]
@@ -187,7 +188,7 @@ def _momentum_derivative(load: Array, momentum: Array, state: Array, out: Array)
 
 
 @kernel
-def _advance(
+def advance(
     model: PlantModel,
     state: Array,
     control: Array,
@@ -206,16 +207,19 @@ def _advance(
     geometry, inverse, drift = work[:g], work[g : g + 6], work[g + 6 : g + 6 + d]
     load, rest = work[g + 6 + d : g + 12 + d], work[g + 12 + d :]
     slope, probe, following = rest[:n], rest[n : 2 * n], rest[2 * n : 3 * n]
-    posture_geometry(model, alpha, geometry)
-    invert_inertia(geometry, inverse)
     for i in range(n):
         probe[i] = state[i]
         following[i] = state[i]
+    for i in range(d):
+        drift[i] = 0.0
+    posture_geometry(model, alpha, geometry)
+    invert_inertia(geometry, inverse)
     angular_momentum(geometry, rate, state, following[10:13])
     start_x, start_y, start_z = following[10], following[11], following[12]
     momentum_x, momentum_y, momentum_z = start_x, start_y, start_z
     acceleration = (rate_after - rate) / dt
-    # One body for the four stages: unrolled, it would be inlined four times over and compile as long.
+    rate_now = rate
+    # One body for the four stages: each part of it is compiled once.
     for stage in range(4):
         if moving:
             t = 0.0 if stage == 0 else (dt if stage == 3 else 0.5 * dt)
@@ -225,11 +229,9 @@ def _advance(
                 posture_geometry(model, alpha_now, geometry)
                 invert_inertia(geometry, inverse)
             segment_drift(model, alpha_now, rate_now, drift)
-        else:
-            rate_now = 0.0
         slope[10], slope[11], slope[12] = momentum_x, momentum_y, momentum_z
         body_rates(geometry, inverse, rate_now, slope[10:13], probe)
-        body_load(model, geometry, drift, moving, control, probe, load)
+        body_load(model, geometry, drift, control, probe, load)
         kinematics(model, load, probe, slope)
         _momentum_derivative(load, slope[10:13], probe, slope[10:13])
         share = dt / 6.0 if stage == 0 or stage == 3 else dt / 3.0
@@ -237,69 +239,12 @@ def _advance(
         for i in range(n):
             following[i] += share * slope[i]
             probe[i] = state[i] + reach * slope[i]
-        momentum_x, momentum_y, momentum_z = (
-            start_x + reach * slope[10],
-            start_y + reach * slope[11],
-            start_z + reach * slope[12],
-        )
-    body_rates(geometry, inverse, rate_after if moving else 0.0, following[10:13], out)
+        momentum_x = start_x + reach * slope[10]
+        momentum_y = start_y + reach * slope[11]
+        momentum_z = start_z + reach * slope[12]
+    body_rates(geometry, inverse, rate_after, following[10:13], out)
     for i in range(10):
         out[i] = following[i]
     scale = 1.0 / np.sqrt(out[3] * out[3] + out[4] * out[4] + out[5] * out[5] + out[6] * out[6])
     for i in range(3, 7):
         out[i] *= scale
-
-
-@kernel
-def rk4_step(model: PlantModel, state: Array, control: Array, out: Array, work: Array) -> None:
-    """One step of dt with the control (4,) and its posture held; the controllers' model.
-
-    out (13,) may be the state itself; work is scratch of `WORK_SIZE` numbers.
-    """
-    _advance(model, state, control, control[3], 0.0, 0.0, False, out, work)
-
-
-@kernel
-def moving_step(
-    model: PlantModel, state: Array, before: Array, applied: Array, out: Array, work: Array
-) -> None:
-    """One step of dt in which the posture moves: before and applied (5,) end with alpha and its rate [rad/s].
-
-    out (13,) may be the state itself; work is scratch of `WORK_SIZE` numbers.
-    """
-    _advance(model, state, applied, before[3], before[4], applied[4], True, out, work)
-
-
-@kernel
-def limit_control(model: PlantModel, command: Array, previous: Array, out: Array) -> None:
-    """Actuator bounds (eq:minmax_utc), then the slew rate of alpha (eq:lim) from the previous control.
-
-    out (4,) may be either of the two.
-    """
-    alpha = previous[3]
-    for j in range(4):
-        out[j] = min(max(command[j], model.control_min[j]), model.control_max[j])
-    out[3] = min(max(out[3], alpha - model.alpha_slew), alpha + model.alpha_slew)
-
-
-@kernel
-def drive_limbs(model: PlantModel, target: float, before: Array, applied: Array) -> None:
-    """Move alpha towards a target with bounded rate and acceleration; writes applied[3:5], alpha and its rate.
-
-    The rate changes evenly over the step, to the largest from which the rest can still be braked; the last steps
-    halve the distance and then stop.
-    """
-    dt, most = model.dt, model.alpha_acceleration
-    alpha, rate = before[3], before[4]
-    distance = target - alpha - 0.5 * dt * rate
-    size = abs(distance)
-    braking = most * (np.sqrt(0.25 * dt * dt + 2.0 * size / most) - 0.5 * dt)
-    wanted = min(min(braking, size / dt), model.alpha_slew / dt)
-    if distance < 0.0:
-        wanted = -wanted
-    rate_after = min(max(wanted, rate - most * dt), rate + most * dt)
-    reached = alpha + 0.5 * dt * (rate + rate_after)
-    if reached < model.control_min[3] or reached > model.control_max[3]:
-        reached = min(max(reached, model.control_min[3]), model.control_max[3])
-        rate_after = 2.0 * (reached - alpha) / dt - rate
-    applied[3], applied[4] = reached, rate_after

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The kinds of movement pattern that can be designed: what each one wants, and what it pays for."""
 
 from dataclasses import dataclass

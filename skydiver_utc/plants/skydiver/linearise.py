@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A steady fall linearised in its eight states: two tilts, three body rates, three velocities.
 
 Heading and position are left out: nothing depends on them. Tilts are small rotations of the attitude about two body
@@ -7,8 +8,8 @@ axes across the vertical, so that no attitude is singular.
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.plant.model import PlantModel
-from skydiver_utc.plant.steady import HeldBody, SteadyFall
+from skydiver_utc.plants.skydiver.model import PlantModel
+from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From plain data to a checked `Scenario`; the error names every wrong field, each in one clause."""
+
+import difflib
+from collections.abc import Iterator, Mapping
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from skydiver_utc.parameters.errors import MissingModuleError, ParameterError
+from skydiver_utc.parameters.registry import settings_class
+from skydiver_utc.parameters.scenario import SLOTS, Scenario
+
+_DEFAULTS: Mapping[str, Any] = {"estimator": {"kind": "true_state"}, "disturbances": []}
+_MOST_SHOWN = 10
+# What a field must be, where pydantic's own words are those of Python.
+_EXPECTED = {
+    "model_type": "a block of named values",
+    "dict_type": "a block of named values",
+    "tuple_type": "a list",
+    "string_type": "a text",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "bool_type": "true or false",
+}
+_Settings = TypeVar("_Settings", bound=BaseModel)
+
+
+def convert(content: Mapping[str, Any], origin: str) -> Scenario:
+    """The scenario of plain data without file names in it; `ParameterError` names every wrong field."""
+    blocks = {**_DEFAULTS, **content}
+    errors: list[str] = []
+    for name in SLOTS:
+        if name in blocks:
+            blocks[name] = _settings(name, name, blocks[name], errors)
+    if isinstance(blocks["disturbances"], list | tuple):
+        found = [
+            _settings("disturbance", f"disturbances[{i}]", block, errors)
+            for i, block in enumerate(blocks["disturbances"])
+        ]
+        blocks["disturbances"] = tuple(block for block in found if block is not None)
+    # A slot whose block is wrong has its errors already.
+    wrong = {name for name in SLOTS if name in blocks and blocks[name] is None}
+    try:
+        scenario = Scenario.model_validate({n: block for n, block in blocks.items() if n not in wrong})
+    except ValidationError as error:
+        known = list(_field_names(Scenario))
+        known += [f"{name}.{field}" for name in SLOTS for field in _field_names(type(blocks.get(name)))]
+        errors += [
+            _clause(e, "", blocks, known) for e in error.errors() if e["loc"][:1] not in {(n,) for n in wrong}
+        ]
+    if errors:
+        more = len(errors) - _MOST_SHOWN
+        shown = [*errors[:_MOST_SHOWN], *([f"and {more} more"] if more > 0 else [])]
+        raise ParameterError(f"{'; '.join(shown)} (scenario {origin})")
+    return scenario
+
+
+def checked(model: type[_Settings], content: Mapping[str, Any]) -> _Settings:
+    """Settings of a class from plain data; raises `ParameterError` that names every wrong field."""
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise ParameterError("; ".join(field_errors(error, content, model)[:_MOST_SHOWN])) from error
+
+
+def _settings(slot: str, name: str, block: Any, errors: list[str]) -> Any:
+    """The settings of one slot's block; None where it is wrong, with the reasons added to `errors`."""
+    if not isinstance(block, Mapping):
+        errors.append(f"parameter {name} must be a block of named values, found {block!r}")
+        return None
+    kind = block.get("kind")
+    if not isinstance(kind, str):
+        errors.append(f"parameter {name}.kind is missing: write it")
+        return None
+    try:
+        model = settings_class(slot, kind)
+    except MissingModuleError:
+        raise
+    except ParameterError as error:
+        errors.append(f"parameter {name}.kind: {error}")
+        return None
+    try:
+        return model.model_validate(block)
+    except ValidationError as error:
+        errors += field_errors(error, block, model, f"{name}.")
+        return None
+
+
+def field_errors(error: ValidationError, block: Any, model: type[BaseModel], prefix: str = "") -> list[str]:
+    """One clause for each wrong field of a block, whose dotted names begin with the prefix."""
+    known = list(_field_names(model))
+    return [_clause(e, prefix, block, known) for e in error.errors()]
+
+
+def _clause(error: ErrorDetails, prefix: str, block: Any, known: list[str]) -> str:
+    """One wrong field: its dotted name, what is wrong and what to do."""
+    place = ".".join(_place(error, block))
+    name = prefix + place
+    context = error.get("ctx", {})
+    match error["type"]:
+        case "extra_forbidden":
+            last = place.rpartition(".")[2]
+            close = difflib.get_close_matches(place, known, 1) or [n for n in known if n.endswith(f".{last}")]
+            return f"unknown parameter {name}: " + (
+                f"did you mean {prefix}{close[0]}" if close else "take it out"
+            )
+        case "missing":
+            return f"parameter {name} is missing: write it"
+        case "union_tag_not_found":
+            return f"parameter {name}.kind is missing: write it"
+        case "union_tag_invalid":
+            choices = context["expected_tags"].replace("'", "")
+            return f"parameter {name}.kind: there is no {context['tag']!r}, choose one of {choices}"
+        case "literal_error":
+            choices = context["expected"].replace("'", "").replace(" or ", ", ")
+            return f"parameter {name}: there is no {error['input']!r}, choose one of {choices}"
+        case "too_short" | "too_long":
+            size = context.get("min_length", context.get("max_length"))
+            return f"parameter {name} must have {size} entries, it has {context['actual_length']}"
+        case "value_error":
+            return f"{name.rstrip('.')}: {context['error']}" if name else str(context["error"])
+        case kind:
+            expected = _EXPECTED.get(kind, error["msg"].removeprefix("Input should be "))
+            found = error["input"]
+            shown = f", found {found!r}" if found is None or isinstance(found, str | int | float) else ""
+            return f"parameter {name} must be {expected}{shown}"
+
+
+def _place(error: ErrorDetails, block: Any) -> Iterator[str]:
+    """Names down to the wrong field; pydantic's names for the members of a union, not in the data, are left out."""
+    for i, part in enumerate(error["loc"]):
+        if isinstance(block, Mapping):
+            last_is_missing = error["type"] == "missing" and i == len(error["loc"]) - 1
+            if part not in block and not last_is_missing:
+                continue
+            block = block.get(part)
+        elif isinstance(block, list | tuple) and isinstance(part, int):
+            block = block[part] if part < len(block) else None
+        else:
+            continue
+        yield str(part)
+
+
+def _field_names(model: Any, prefix: str = "") -> Iterator[str]:
+    """Dotted names of all fields of a model and of the blocks in it."""
+    if isinstance(model, type) and issubclass(model, BaseModel):
+        for name, field in model.model_fields.items():
+            yield prefix + name
+            yield from _field_names(field.annotation, f"{prefix}{name}.")

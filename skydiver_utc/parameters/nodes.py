@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The settings of the nodes: a struct each; every scalar of the scenario is taken by dotted name, too."""
+
+import difflib
+from collections.abc import Mapping
+from typing import Annotated, Literal, NamedTuple
+
+from skydiver_utc.parameters.conversion import checked
+from skydiver_utc.parameters.errors import ParameterError
+from skydiver_utc.parameters.fields import Parameters, quantity, text
+from skydiver_utc.parameters.leaves import leaves
+from skydiver_utc.parameters.loading import load_scenario
+from skydiver_utc.parameters.scenario import Scenario
+
+Mode = Literal["lockstep", "real_time"]
+
+# Names that rclpy declares or reads itself.
+_OF_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides")
+
+
+class NodeSettings(Parameters):
+    """What every node has."""
+
+    scenario: Annotated[str, text("name of a scenario, or path of its YAML file")] = (
+        "fast_turn_unknown_dynamics"
+    )
+    autostart: Annotated[
+        bool, text("configure and activate at the start, and end after the run; false: wait for transitions")
+    ] = True
+
+
+class PlantNodeSettings(NodeSettings):
+    """The plant: publishes its state, steps on the command that answers it."""
+
+    mode: Annotated[
+        Mode, text("lockstep: a step waits for its command; real_time: it is due by the clock")
+    ] = "lockstep"
+    wait_for_recorder: Annotated[bool, text("begin only when the recorder is ready")] = False
+    startup_timeout_s: Annotated[
+        float, quantity("s", "longest wait for the other nodes, which may compile first", ge=0)
+    ] = 600.0
+    command_timeout_s: Annotated[
+        float, quantity("s", "lockstep: wait for a command before the state is retransmitted", ge=0.01)
+    ] = 2.0
+    command_retries: Annotated[
+        int, quantity("1", "lockstep: retransmissions of a state before the run ends with no_command", ge=0)
+    ] = 5
+    neutral_after_s: Annotated[
+        float, quantity("s", "real time: time without commands after which the control goes to neutral", ge=0)
+    ] = 0.25
+    neutral_time_s: Annotated[
+        float, quantity("s", "real time: time from the last command to the initial control", ge=0)
+    ] = 2.0
+    progress: Annotated[bool, text("print JSON lines on the run's progress to stdout")] = False
+
+
+class ReferenceNodeSettings(NodeSettings):
+    """The reference: publishes previews of the reference of the plant's outputs."""
+
+    mode: Annotated[
+        Literal["lockstep", "real_time", "vehicle"],
+        text("vehicle: the time is that of a real vehicle's states; else that of the clock"),
+    ] = "lockstep"
+    wait_for_recorder: Annotated[bool, text("begin only when all topics are recorded")] = False
+    chunk_steps: Annotated[
+        int, quantity("1", "steps from one preview message to the next", ge=1, le=10000)
+    ] = 80
+
+
+class ControllerNodeSettings(NodeSettings):
+    """The controller: answers each state with a command."""
+
+    mode: Annotated[
+        Literal["lockstep", "real_time", "vehicle"],
+        text(
+            "lockstep: every state is answered; real_time: the newest; vehicle: the newest, with its own stamps"
+        ),
+    ] = "lockstep"
+    wait_for_recorder: Annotated[bool, text("begin only when all topics are recorded")] = False
+    delay_steps: Annotated[
+        int, quantity("1", "steps by which the state is predicted ahead before deciding", ge=0, le=1000)
+    ] = 0
+    world_frame: Annotated[str, text("frame of the pose in the states")] = "world"
+    body_frame: Annotated[str, text("frame of the twist in the states")] = "body"
+    command_message: Annotated[
+        Literal["joint_state", "float64_multi_array", "twist"], text("message that carries the command")
+    ] = "joint_state"
+    command_components: Annotated[
+        tuple[str, ...], text("twist: the component of each control, such as linear.x")
+    ] = ()
+    publish_clock: Annotated[bool, text("vehicle: publish the stamps of the states on the clock")] = False
+
+
+class RecorderNodeSettings(NodeSettings):
+    """The recorder: writes every topic into a rosbag2 folder until the outcome or an interrupt."""
+
+    bag_folder: Annotated[
+        str, text("folder of the bag, not existing yet; empty: bags/<UTC time>_<scenario>")
+    ] = ""
+
+
+class PlayerNodeSettings(Parameters):
+    """The player: publishes a recorded run again."""
+
+    run: Annotated[str, text("run folder, bag folder or .mcap file")]
+    rate: Annotated[float, quantity("1", "recorded seconds per second", gt=0, le=1000)] = 1.0
+    start_s: Annotated[float, quantity("s", "recorded time to start at", ge=0)] = 0.0
+    loop: Annotated[bool, text("start again at the end")] = False
+    topics: Annotated[tuple[str, ...], text("topics to publish; empty: all")] = ()
+
+
+SETTINGS: Mapping[str, type[Parameters]] = {
+    "plant": PlantNodeSettings,
+    "reference": ReferenceNodeSettings,
+    "controller": ControllerNodeSettings,
+    "recorder": RecorderNodeSettings,
+    "player": PlayerNodeSettings,
+}
+
+
+class Resolved(NamedTuple):
+    """The settings of a node, its scenario, and the parameters that differ from the scenario's file."""
+
+    settings: NodeSettings
+    scenario: Scenario
+    changes: dict[str, object]
+
+
+def resolve(kind: str, given: Mapping[str, object]) -> Resolved:
+    """Settings and scenario of a node from parameters by name; an unknown name raises `ParameterError`."""
+    model = SETTINGS[kind]
+    assert issubclass(model, NodeSettings)
+    given = _not_of_rclpy(given)
+    own = {name: value for name, value in given.items() if name in model.model_fields}
+    settings = checked(model, _rows_as_tuples(own))
+    changes = {name: value for name, value in given.items() if name not in own}
+    _refuse_unknown(changes, model)
+    return Resolved(settings, load_scenario(settings.scenario, changes), changes)
+
+
+def resolve_player(given: Mapping[str, object]) -> PlayerNodeSettings:
+    """Settings of a player, which has no scenario; raises `ParameterError`."""
+    return checked(PlayerNodeSettings, _rows_as_tuples(_not_of_rclpy(given)))
+
+
+def _not_of_rclpy(given: Mapping[str, object]) -> dict[str, object]:
+    return {name: value for name, value in given.items() if name.partition(".")[0] not in _OF_RCLPY}
+
+
+def _rows_as_tuples(values: Mapping[str, object]) -> dict[str, object]:
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+
+
+def scalars(settings: NodeSettings, scenario: Scenario) -> dict[str, object]:
+    """Every setting and every scalar of the scenario by dotted name; no prose and no tables."""
+    own = {name: getattr(settings, name) for name in type(settings).model_fields}
+    values = own | {leaf.name: leaf.value for leaf in leaves(scenario)}
+    return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
+
+
+def _refuse_unknown(names: Mapping[str, object], model: type[NodeSettings]) -> None:
+    """Refuse names whose first part no scenario has; `load_scenario` checks the rest."""
+    for name in names:
+        if name.partition(".")[0] not in Scenario.model_fields:
+            close = difflib.get_close_matches(name, [*model.model_fields, *Scenario.model_fields], 1)
+            hint = f"did you mean {close[0]}" if close else "take it out, or see --help for the names"
+            raise ParameterError(f"unknown parameter {name}: {hint}")

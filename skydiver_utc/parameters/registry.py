@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What can stand in each slot of a scenario: one line a kind.
+
+A kind is made by a class, as `Class(settings, ...)`. A class of the user's own is named as `module:Class`; its
+settings are the nested class `Class.Settings`. The module is looked for on the Python path, in the folder of the
+scenario file and in the current folder.
+"""
+
+import difflib
+import importlib
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from skydiver_utc.parameters.errors import MissingModuleError, ParameterError
+from skydiver_utc.parameters.fields import SlotSettings
+
+
+class Kind(NamedTuple):
+    """Where the settings and the class of a kind stand, each as `module:Name`; loaded when they are needed."""
+
+    settings: str
+    factory: str
+
+
+_PROFILES = "skydiver_utc.references.profiles"
+_SETTINGS, _PLANTS = "skydiver_utc.parameters", "skydiver_utc.plants"
+_ESTIMATORS = "skydiver_utc.estimators.true_state"
+_CONTROLLERS = "skydiver_utc.controllers"
+_RIVALS = f"{_CONTROLLERS}.settings"
+
+KINDS: Mapping[str, Mapping[str, Kind]] = {
+    "plant": {
+        "skydiver": Kind(
+            f"{_SETTINGS}.skydiver:SkydiverSettings", f"{_PLANTS}.skydiver.skydiver:SkydiverPlant"
+        ),
+        "linear": Kind(f"{_PLANTS}.linear:LinearPlant.Settings", f"{_PLANTS}.linear:LinearPlant"),
+    },
+    "reference": {
+        "sine": Kind(f"{_PROFILES}:Sine.Settings", f"{_PROFILES}:Sine"),
+        "constant": Kind(f"{_PROFILES}:Constant.Settings", f"{_PROFILES}:Constant"),
+        "rotation": Kind(f"{_PROFILES}:Rotation.Settings", f"{_PROFILES}:Rotation"),
+        "points": Kind(f"{_PROFILES}:Points.Settings", f"{_PROFILES}:Points"),
+        "live": Kind("skydiver_utc.references.live:Live.Settings", "skydiver_utc.references.live:Live"),
+    },
+    "controller": {
+        "open_loop": Kind(f"{_RIVALS}:OpenLoopSettings", f"{_CONTROLLERS}.open_loop:OpenLoop"),
+        "pose": Kind(f"{_RIVALS}:PoseSettings", f"{_CONTROLLERS}.pose:PoseController"),
+        "utc": Kind(
+            f"{_CONTROLLERS}.utc.settings:UtcSettings",
+            f"{_CONTROLLERS}.utc.unscented_transform_controller:UnscentedTransformController",
+        ),
+        "lqr": Kind(f"{_RIVALS}:LqrSettings", f"{_CONTROLLERS}.linear_quadratic:LinearQuadraticController"),
+        "gauss_newton": Kind(
+            f"{_RIVALS}:GaussNewtonSettings", f"{_CONTROLLERS}.gauss_newton:GaussNewtonController"
+        ),
+        "mppi": Kind(f"{_RIVALS}:MppiSettings", f"{_CONTROLLERS}.path_integral:PathIntegralController"),
+    },
+    "estimator": {
+        "true_state": Kind(f"{_ESTIMATORS}:TrueState.Settings", f"{_ESTIMATORS}:TrueState"),
+    },
+    "disturbance": {},
+}
+
+
+def settings_class(slot: str, kind: str) -> type[SlotSettings]:
+    """The class of a kind's settings; `ParameterError` for an unknown kind, as in `factory`."""
+    known = KINDS[slot].get(kind)
+    found = _load(known.settings) if known else getattr(factory(slot, kind), "Settings", None)
+    if not (isinstance(found, type) and issubclass(found, SlotSettings)):
+        raise ParameterError(f"{kind} has no settings: write a class Settings(SlotSettings) inside it")
+    return found
+
+
+def factory(slot: str, kind: str) -> Any:
+    """The class, or function, that makes what stands in a slot."""
+    if kind in KINDS[slot]:
+        return _load(KINDS[slot][kind].factory)
+    module, colon, name = kind.partition(":")
+    if not colon:
+        known = list(KINDS[slot])
+        close = difflib.get_close_matches(kind, known, 1)
+        hint = f"did you mean {close[0]}" if close else f"choose one of {', '.join(known) or 'none'}"
+        raise ParameterError(
+            f"there is no {slot} {kind!r}, {hint}, or name a class of your own as module:Class"
+        )
+    search_modules_in(Path.cwd())
+    try:
+        return _load(kind)
+    except ModuleNotFoundError as error:
+        raise MissingModuleError(error.name or module) from error
+    except AttributeError as error:
+        raise ParameterError(f"the module {module} has no {name}: write the name of its class") from error
+
+
+def search_modules_in(folder: Path) -> None:
+    """Let `module:Class` be found in a folder, after the Python path."""
+    if (place := str(folder.resolve())) not in sys.path:
+        sys.path.append(place)
+
+
+def _load(place: str) -> Any:
+    """What stands at `module:Name.Nested`."""
+    module, _, name = place.partition(":")
+    found = importlib.import_module(module)
+    for part in name.split("."):
+        found = getattr(found, part)
+    return found

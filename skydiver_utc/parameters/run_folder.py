@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Names of run folders, and of the files in one beside its bag."""
+
+import re
+from datetime import datetime, timezone
+from pathlib import Path
+
+SCENARIO_FILE = "scenario.yaml"
+VERSIONS_FILE = "versions.json"
+METRICS_FILE = "metrics.json"
+REPORT_FILE = "report.html"
+
+
+def new_run_folder(bags: Path, name: str) -> Path:
+    """``<bags>/<YYYYMMDDTHHMMSSZ>_<name>``, with a number added where that exists already; creates nothing."""
+    safe_name = re.sub(r"[^\w.-]+", "_", name)
+    first = bags / f"{datetime.now(timezone.utc):%Y%m%dT%H%M%SZ}_{safe_name}"
+    folder, number = first, 1
+    while folder.exists():
+        number += 1
+        folder = first.with_name(f"{first.name}_{number}")
+    return folder

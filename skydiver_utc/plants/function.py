@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A plant that is given as functions of Python, jitted by numba or not."""
+
+import inspect
+from collections.abc import Callable, Sequence
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skydiver_utc.jit import bound, interpreted, is_jitted
+from skydiver_utc.plants.protocol import LEFT_ITS_DOMAIN, MISTAKES, Model, Plant, one_line
+
+Array = NDArray[np.float64]
+
+_FORM = "plant must be a function (state, control, dt) -> state, or (state, control, dt, out)"
+
+
+def function(*_: Any) -> Any:
+    """What the templates below call: each plant puts its own function here."""
+
+
+def step(state: Array, control: Array, parameters: Any, out: Array) -> None:
+    """A plant that returns the following state."""
+    following = np.asarray(function(state, control, parameters[0]))
+    if following.size != out.size:
+        raise TypeError("it returns another number of states")
+    for i in range(out.shape[0]):
+        out[i] = following[i]
+
+
+def writing_step(state: Array, control: Array, parameters: Any, out: Array) -> None:
+    """A plant that writes the following state into an array."""
+    following = np.empty_like(out)
+    function(state, control, parameters[0], following)
+    for i in range(out.shape[0]):
+        out[i] = following[i]
+
+
+def output(state: Array, parameters: Any, out: Array) -> None:
+    """An output map that returns a vector."""
+    values = np.asarray(function(state))
+    if values.size != out.size:
+        raise TypeError("it returns another number of outputs")
+    for i in range(out.shape[0]):
+        out[i] = values[i]
+
+
+def single_output(state: Array, parameters: Any, out: Array) -> None:
+    """An output map that returns one number."""
+    out[0] = function(state)
+
+
+def whole_state(state: Array) -> Array:
+    """The output map where there is none."""
+    return state
+
+
+class FunctionPlant(Plant):
+    """A plant from plant(state (n,), control (m,), dt) -> state one step later, or (state, control, dt, out).
+
+    plant: plain Python, or jitted by numba; the prediction of a controller is then compiled and kept on disk
+    output: output(state) -> outputs (L,), or one number; None: the whole state
+    state, control: the state at step 0 and the control before it; the functions are tried on them
+    dt: length of a step in the plant's unit of time
+    minimum, maximum, rate: bounds of each control and of its change per unit of time, one number for all or (m,)
+    names: of states, controls and outputs; without, x0.., u0.., y0..
+    A function that cannot be used is a ValueError that names it.
+    """
+
+    def __init__(
+        self,
+        plant: Callable[..., Any],
+        output: Callable[[Array], Any] | None = None,
+        *,
+        state: ArrayLike,
+        control: ArrayLike,
+        dt: float,
+        minimum: ArrayLike = -np.inf,
+        maximum: ArrayLike = np.inf,
+        rate: ArrayLike = np.inf,
+        state_names: Sequence[str] = (),
+        control_names: Sequence[str] = (),
+        output_names: Sequence[str] = (),
+    ) -> None:
+        self._state, self._control = _vector("state", state), _vector("control", control)
+        n, m = len(self._state), len(self._control)
+        if not (isinstance(dt, Real) and np.isfinite(dt) and dt > 0.0):
+            raise ValueError(f"dt is {dt!r}; it must be a number above zero.")
+        self.dt_s = float(dt)
+        self.minimum, self.maximum = _limit("minimum", minimum, m), _limit("maximum", maximum, m)
+        self.rate = _limit("rate", rate, m)
+        if not (self.minimum <= self.maximum).all():
+            raise ValueError(f"minimum {self.minimum.tolist()} is above maximum {self.maximum.tolist()}.")
+        if not ((self.minimum <= self._control) & (self._control <= self.maximum)).all():
+            raise ValueError(f"control {self._control.tolist()} is outside its bounds.")
+        if not (self.rate > 0.0).all():
+            raise ValueError("rate must be above zero for every control; leave a limit out with inf.")
+        output = whole_state if output is None else output
+        writes = _writes(plant)
+        if not callable(output):
+            raise ValueError("output must be a function of the state, or None for the whole state.")
+        example = (np.full(n, np.nan),) if writes else ()
+        following = _tried("plant", plant, m, self._state.copy(), self._control.copy(), self.dt_s, *example)
+        following = example[0] if writes else following
+        if following.shape != (n,):
+            raise ValueError(f"plant returns shape {following.shape} for a state of shape ({n},).")
+        if not np.isfinite(following).all():
+            raise ValueError(
+                f"plant returns {following.tolist()} for the state and control given: it must be finite."
+            )
+        values = _tried("output", output, m, following)
+        if values.ndim > 1 or values.size == 0:
+            raise ValueError(f"output returns shape {values.shape}; it must be a vector or one number.")
+        if not np.isfinite(values).all():
+            raise ValueError(
+                f"output returns {values.tolist()} one step from the state given: it must be finite."
+            )
+        self.state_names = tuple(state_names) or tuple(f"x{i}" for i in range(n))
+        self.control_names = tuple(control_names) or tuple(f"u{i}" for i in range(m))
+        self.output_names = tuple(output_names) or tuple(f"y{i}" for i in range(values.size))
+        self.model = Model(
+            _in_form(writing_step if writes else step, plant, plant, "plant"),
+            _in_form(globals()["output"] if values.ndim else single_output, output, plant, "output"),
+            (self.dt_s,),
+            n,
+        )
+
+    def initial_state(self) -> Array:
+        """The state given."""
+        return self._state.copy()
+
+    def initial_control(self) -> Array:
+        """The control given."""
+        return self._control.copy()
+
+
+def _in_form(template: Any, given: Any, plant: Any, name: str) -> Any:
+    """A function of the user's in the form of the model; jitted if the plant is."""
+    if not is_jitted(plant):
+        made = interpreted(template, function=given)
+        made.__name__ = name
+        return made
+    import numba
+
+    jitted = given if is_jitted(given) else numba.njit(error_model="numpy")(given)
+    return bound(template, name, jitted, function=jitted)
+
+
+def _tried(name: str, tried: Any, controls: int, *example: Any) -> Array:
+    """What a function returns on an example, as an array of numbers."""
+    try:
+        returned = tried(*example)
+        if returned is None and len(example) < 4:
+            raise TypeError("it returns None")
+        found = np.asarray(0.0 if returned is None else returned)
+        if found.dtype.kind == "c":
+            raise ArithmeticError("it returns complex numbers")
+        return np.asarray(found, dtype=float)
+    except (*LEFT_ITS_DOMAIN, *MISTAKES) as error:
+        hint = f"; control is an array of shape ({controls},)" if name == "plant" else ""
+        raise ValueError(
+            f"{name} fails on the example given ({type(error).__name__}: {one_line(error)}){hint}."
+        ) from error
+
+
+def _writes(plant: Any) -> bool:
+    """Whether a plain or jitted plant writes into a fourth argument: one that has no default."""
+    if not callable(plant):
+        raise ValueError(f"{_FORM}, not {plant!r}.")
+    try:
+        parameters = inspect.signature(getattr(plant, "py_func", plant)).parameters.values()
+    except ValueError as error:
+        raise ValueError(f"{_FORM}, not {plant!r}, whose parameters are not known.") from error
+    positional = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    needed = sum(p.default is p.empty for p in positional)
+    named = any(p.kind is p.KEYWORD_ONLY and p.default is p.empty for p in parameters)
+    more = any(p.kind is p.VAR_POSITIONAL for p in parameters)
+    if named or needed > 4 or (len(positional) < 3 and not more):
+        raise ValueError(f"{_FORM}; this one has {needed} parameters without a default.")
+    return needed == 4
+
+
+def numbers(name: str, value: ArrayLike) -> Array:
+    """A new array of what was given under this name. Raises ValueError where that is no numbers."""
+    try:
+        found = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        found = np.empty(0, dtype=object)
+    if found.dtype.kind not in "biuf":
+        raise ValueError(f"{name} must be numbers, not {value!r}.")
+    return found.astype(float)
+
+
+def _vector(name: str, value: ArrayLike) -> Array:
+    array = np.atleast_1d(numbers(name, value))
+    if array.ndim != 1 or array.size == 0 or not np.isfinite(array).all():
+        raise ValueError(f"{name} must be a vector of finite numbers, not {value!r}.")
+    return array
+
+
+def _limit(name: str, value: ArrayLike, m: int) -> Array:
+    array = numbers(name, value)
+    if array.shape not in ((), (m,)) or np.isnan(array).any():
+        raise ValueError(f"{name} must be one number or {m} numbers, not {value!r}.")
+    return np.broadcast_to(array, (m,)).copy()

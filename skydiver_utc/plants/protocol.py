@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every plant offers to the closed loop, and what a controller predicts with."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from numba.core.errors import NumbaError
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+# step(state (n,), control (m,), parameters, out (n,)) writes the state one step later; out may be the state.
+Step = Callable[[Array, Array, Any, Array], None]
+# outputs(state (n,), parameters, out (L,)) writes all outputs of the plant.
+Outputs = Callable[[Array, Any, Array], None]
+
+
+class Model(NamedTuple):
+    """The plant as a controller predicts with it: the control is held over each step.
+
+    step, outputs: kernels of module level, so that numba caches them
+    parameters: the numbers that both take, a tuple of floats and arrays; other numbers need no new compilation
+    """
+
+    step: Step
+    outputs: Outputs
+    parameters: Any
+    state_size: int
+
+
+# What a model's function raises that has left where it is defined: LinAlgError is a ValueError.
+LEFT_ITS_DOMAIN = (ArithmeticError, ValueError, IndexError)
+# What else one raises that was not written for its arguments.
+MISTAKES = (AssertionError, AttributeError, LookupError, NameError, RuntimeError, TypeError, NumbaError)
+
+
+def one_line(error: BaseException) -> str:
+    """The first telling line of an error's text: numba's errors have many."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    # Numba's first lines name only the pass in which it happened.
+    lines = [line for line in lines if not line.startswith("Failed in nopython mode")]
+    telling = [line for line in lines if line.startswith(("No implementation", "Invalid use", "Unknown"))]
+    return (telling or lines or [type(error).__name__])[0].rstrip(".:")
+
+
+class Reduced(NamedTuple):
+    """An equilibrium z (n_r,) in the states that matter to a regulator, and how a state (n,) becomes these and back."""
+
+    state: Array
+    reduce: Callable[[Array], Array]
+    expand: Callable[[Array], Array]
+
+
+class Plant(ABC):
+    """A plant in discrete time; made as `Class(settings, dt_s)`. It keeps no state of its own.
+
+    state_names, control_names, output_names: n, m and L names; units: of those that have one, by name
+    minimum, maximum, rate: limits of the control (m,) and of its change per second, inf where there is none
+    state_message: the ROS message that carries the state, nav_msgs/Odometry (13 numbers) or sensor_msgs/JointState
+    """
+
+    state_names: tuple[str, ...]
+    control_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    units: ClassVar[Mapping[str, str]] = {}
+    minimum: Array
+    maximum: Array
+    rate: Array
+    state_message: Literal["odometry", "joint_state"] = "joint_state"
+    model: Model
+    dt_s: float
+    # Joints that a display shows, and their angles [rad] at what the actuators hold.
+    joint_names: tuple[str, ...] = ()
+
+    @abstractmethod
+    def initial_state(self) -> Array:
+        """State (n,) at step 0."""
+
+    def initial_control(self) -> Array:
+        """Control (m,) before step 0: zero, or the limit nearest to it."""
+        return np.clip(np.zeros(len(self.control_names)), self.minimum, self.maximum)
+
+    def model_of_step(self, dt_s: float) -> Model:
+        """The model with another step; raises ValueError where there is none."""
+        raise ValueError(f"the model of this plant has a step of {self.dt_s:g} s only, not {dt_s:g} s")
+
+    def reduced(self, control: Array) -> Reduced:
+        """The equilibrium under a control (m,), the nearest to the initial state; raises ValueError without one."""
+        from scipy.optimize import root
+
+        following = np.empty(self.model.state_size)
+
+        def change(state: Array) -> Array:
+            self.model.step(state, control, self.model.parameters, following)
+            return following - state
+
+        found = root(change, self.initial_state(), method="lm")
+        if not (found.success and np.abs(change(found.x)).max() < 1e-6):
+            raise ValueError(f"the plant has no equilibrium near its initial state under {control.tolist()}")
+        return Reduced(found.x, lambda state: state, lambda z: z)
+
+    def initial_applied(self) -> Array:
+        """What the actuators hold before step 0 (a,); its first m entries are the control."""
+        return self.initial_control()
+
+    def actuate(self, command: Array, applied: Array) -> Array:
+        """What the actuators make of a command (m,) from where they were (a,): bounds, then rates."""
+        change = self.rate * self.dt_s
+        bounded = np.minimum(np.maximum(command, self.minimum), self.maximum)
+        limited: Array = np.minimum(np.maximum(bounded, applied - change), applied + change)
+        return limited
+
+    def step(self, state: Array, before: Array, applied: Array) -> Array:
+        """State (n,) one step later, while the actuators go from before (a,) to applied (a,)."""
+        following = np.empty(len(self.state_names))
+        self.model.step(state, applied[: len(self.control_names)], self.model.parameters, following)
+        return following
+
+    def outputs(self, states: Array) -> Array:
+        """All outputs (..., L) of states (..., n)."""
+        found = np.empty((*states.shape[:-1], len(self.output_names)))
+        for index in np.ndindex(states.shape[:-1]):
+            self.model.outputs(states[index], self.model.parameters, found[index])
+        return found
+
+    def joint_angles(self, applied: Array) -> Array:
+        """Angles of the joints by `joint_names` [rad]."""
+        return np.empty(0)
+
+    def fault(self, state: Array) -> str:
+        """Why the run cannot go on from a state, empty where it can."""
+        return "" if np.isfinite(state).all() else "the state is not finite"
+
+    def mishap(self, state: Array) -> str:
+        """A mishap that does not end the run, in words; empty without one."""
+        return ""

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The eight states that matter to a controller.
+
+Position and heading are left out: nothing depends on them. Attitude is the world's up direction in body axes, of
+which x and y suffice while the dorsal axis points above the horizon. Order: up x, up y; roll, pitch and yaw rate
+[rad/s]; velocity x, y, z [m/s], all in body axes.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.parameters import ParameterError
+from skydiver_utc.plants.skydiver.dynamics import STATE_SIZE
+from skydiver_utc.plants.skydiver.model import PlantModel
+from skydiver_utc.plants.skydiver.steady import SteadyFall, straight_falls
+from skydiver_utc.rotations import attitude_with_up, world_up
+
+Array = NDArray[np.float64]
+
+REDUCED_SIZE = 8
+
+
+def reduced(state: Array) -> Array:
+    """The eight states (8,) of a state (13,)."""
+    return np.concatenate([world_up(state)[:2], state[10:13], state[7:10]])
+
+
+def expanded(z: Array) -> Array:
+    """A state (13,) at the origin, with the heading free, that has the eight states (8,)."""
+    state = np.zeros(STATE_SIZE)
+    state[3:7] = attitude_with_up(np.array([z[0], z[1], np.sqrt(1.0 - z[0] ** 2 - z[1] ** 2)]))
+    state[10:13], state[7:10] = z[2:5], z[5:8]
+    return state
+
+
+def belly_to_earth(model: PlantModel) -> Array:
+    """Reduced state (8,) of the straight fall at pattern angle 0 in which the belly faces the earth."""
+    falls = [fall for fall in straight_falls(model) if fall.facing == "belly to earth"]
+    if not falls:
+        raise ParameterError("this posture has no straight fall belly to earth: choose another posture")
+    return _of_fall(falls[0])
+
+
+def _of_fall(fall: SteadyFall) -> Array:
+    return np.concatenate([fall.up[:2], fall.rates, fall.velocity])

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The skydiver in free fall as a plant."""
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.body.movement import check_movement, movement
+from skydiver_utc.body.posture import joint_angle_names
+from skydiver_utc.parameters import SkydiverSettings
+from skydiver_utc.parameters.skydiver import CONTROLS
+from skydiver_utc.plants.protocol import Model, Plant, Reduced
+from skydiver_utc.plants.skydiver.dynamics import (
+    STATE_SIZE,
+)
+from skydiver_utc.plants.skydiver.model import PlantModel, build_model
+from skydiver_utc.plants.skydiver.prediction import named_outputs, skydiver_step
+from skydiver_utc.plants.skydiver.reduced import belly_to_earth, expanded, reduced
+from skydiver_utc.plants.skydiver.table_error import refuse_coarse_table
+from skydiver_utc.rotations import dorsal_axis_height, world_up
+
+Array = NDArray[np.float64]
+
+# A body faster than this has left the model, whatever its numbers say.
+LARGEST_SPEED_M_S = 500.0
+LARGEST_RATE_RAD_S = 200.0
+
+
+class SkydiverPlant(Plant):
+    """Steps a state (13,) under a control (4,).
+
+    State: position in world, quaternion x y z w body to world, velocity and rates in body. What the actuators hold
+    (5,): the control, and the rate of alpha [rad/s]. Outputs (4,): yaw, pitch and roll rate, fall rate.
+    """
+
+    state_names = ("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "wx", "wy", "wz")
+    control_names = CONTROLS
+    output_names = ("yaw_rate", "pitch_rate", "roll_rate", "fall_rate")
+    units: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("x", "y", "z"), "m"),
+        **dict.fromkeys(("vx", "vy", "vz", "fall_rate"), "m/s"),
+        **dict.fromkeys(("wx", "wy", "wz", "yaw_rate", "pitch_rate", "roll_rate"), "rad/s"),
+        "alpha": "rad",
+    }
+    state_message = "odometry"
+
+    def __init__(self, settings: SkydiverSettings, dt_s: float) -> None:
+        self.dt_s = dt_s
+        self._movement = movement(settings.posture, settings.pattern)
+        check_movement(settings, self._movement)
+        self.constants: PlantModel = build_model(settings, dt_s, self._movement)
+        refuse_coarse_table(settings, self.constants, self._movement)
+        self.model = Model(skydiver_step, named_outputs, self.constants, STATE_SIZE)
+        self.minimum, self.maximum = self.constants.control_min, self.constants.control_max
+        self.rate = np.array([np.inf, np.inf, np.inf, settings.limits.alpha_rate])
+        self.joint_names = joint_angle_names()
+        self._initial = settings.initial
+        self.initial_speed = settings.initial.fall_speed_m_s
+        self._belly_to_earth = settings.belly_to_earth
+
+    def initial_state(self) -> Array:
+        """State (13,) at step 0: heading, then pitch, then bank turned; falling straight down in the world."""
+        initial = self._initial
+        quaternion = _quaternion(initial.heading_deg, initial.pitch_deg, initial.bank_deg)
+        state = np.zeros(STATE_SIZE)
+        state[2] = initial.altitude_m
+        state[3:7] = quaternion
+        state[7:10] = -initial.fall_speed_m_s * world_up(state)
+        state[12] = np.deg2rad(initial.yaw_rate_deg_s)
+        return state
+
+    def initial_control(self) -> Array:
+        """Control (4,) commanded before step 0."""
+        initial = self._initial
+        return np.array([initial.Cm_damp_yaw, initial.k_right, initial.k_left, initial.alpha])
+
+    def model_of_step(self, dt_s: float) -> Model:
+        """The model with another step of integration."""
+        constants = self.constants._replace(dt=dt_s, work=np.empty_like(self.constants.work))
+        return self.model._replace(parameters=constants)
+
+    def reduced(self, control: Array) -> Reduced:
+        """The straight fall belly to earth in its eight states."""
+        return Reduced(belly_to_earth(self.constants), reduced, expanded)
+
+    def initial_applied(self) -> Array:
+        """What the actuators hold before step 0 (5,): the control, and the rate of alpha [rad/s]."""
+        return np.append(self.initial_control(), 0.0)
+
+    def actuate(self, command: Array, before: Array) -> Array:
+        """What the actuators make of a command (4,) from where they were (5,): bounds, then rates (eq:lim)."""
+        wanted = np.minimum(np.maximum(command, self.minimum), self.maximum).tolist()
+        alpha, rate = before[3:5].tolist()
+        if self.constants.limb_reaction:
+            return np.array([*wanted[:3], *self._drive_limbs(wanted[3], alpha, rate)])
+        slew = self.constants.alpha_slew
+        return np.array([*wanted[:3], min(max(wanted[3], alpha - slew), alpha + slew), 0.0])
+
+    def _drive_limbs(self, target: float, alpha: float, rate: float) -> tuple[float, float]:
+        """Alpha and its rate [rad/s] one step later, on the way to a target with bounded rate and acceleration.
+
+        The rate changes evenly over the step, to the largest from which the rest can still be braked; the last steps
+        halve the distance and then stop.
+        """
+        c = self.constants
+        dt, most = c.dt, c.alpha_acceleration
+        distance = target - alpha - 0.5 * dt * rate
+        braking = most * (math.sqrt(0.25 * dt * dt + 2.0 * abs(distance) / most) - 0.5 * dt)
+        wanted = math.copysign(min(braking, abs(distance) / dt, c.alpha_slew / dt), distance)
+        rate_after = min(max(wanted, rate - most * dt), rate + most * dt)
+        reached = alpha + 0.5 * dt * (rate + rate_after)
+        low, high = float(self.minimum[3]), float(self.maximum[3])
+        if not low <= reached <= high:
+            reached = min(max(reached, low), high)
+            rate_after = 2.0 * (reached - alpha) / dt - rate
+        return reached, rate_after
+
+    def step(self, state: Array, before: Array, applied: Array) -> Array:
+        """State (13,) one dt later while the actuators go from before (5,) to applied (5,)."""
+        following = np.empty(STATE_SIZE)
+        held = np.concatenate((applied, before)) if self.constants.limb_reaction else applied[:4]
+        self.model.step(state, held, self.constants, following)
+        return following
+
+    def joint_angles(self, applied: Array) -> Array:
+        """Joint angles (45,) in rad, in the order of `joint_names`."""
+        return self._movement.angles(float(applied[3])).ravel()
+
+    def fault(self, state: Array) -> str:
+        """Empty while speed and body rate are those of a falling body."""
+        values = state.tolist()
+        speed, rate = math.hypot(*values[7:10]), math.hypot(*values[10:13])
+        if speed < LARGEST_SPEED_M_S and rate < LARGEST_RATE_RAD_S and all(map(math.isfinite, values)):
+            return ""
+        return f"the state left the model (speed {speed:.3g} m/s, body rate {rate:.3g} rad/s)"
+
+    def mishap(self, state: Array) -> str:
+        """The body rolled over, where the settings say belly to earth."""
+        upright = not self._belly_to_earth or dorsal_axis_height(state) >= 0.0
+        return "" if upright else "the dorsal axis went below the horizon"
+
+
+def _quaternion(heading_deg: float, pitch_deg: float, bank_deg: float) -> Array:
+    """Quaternion x y z w of the intrinsic rotations z, y, x."""
+    (cz, cy, cx), (sz, sy, sx) = (
+        f(np.deg2rad(np.array([heading_deg, pitch_deg, bank_deg])) / 2) for f in (np.cos, np.sin)
+    )
+    return np.array(
+        [
+            sx * cy * cz - cx * sy * sz,
+            cx * sy * cz + sx * cy * sz,
+            cx * cy * sz - sx * sy * cz,
+            cx * cy * cz + sx * sy * sz,
+        ]
+    )
