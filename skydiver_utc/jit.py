@@ -1,48 +1,244 @@
-"""How every kernel is compiled and where the result is kept.
+# SPDX-License-Identifier: Apache-2.0
+"""How kernels are compiled, called by address, and kept on disk.
 
-Contraction, reassociation and unsigned zeros let the loops over the segments become vector code; NaN and
-infinity keep their meaning, so that comparisons with them work (np.isfinite of a sum may be folded away: write
-abs(x) < inf). Kernels are inlined into those that call them: otherwise
-the order of additions, and with it the last bit, would depend on whether the callee came from the cache.
-Numba renews a cached kernel when its own file changes, but not when a kernel that it calls from another file
-does; so the cache lies in a folder named after the contents of all rooms that hold kernels or their constants.
+A `kernel` is compiled into those that call it. A `program` is what Python calls, or another program through its
+`address`: it alone is kept on disk, so what it computes never depends, to the last bit, on what came from there.
+The model that a controller predicts with is called by address: a controller's program is the same for all of them.
+
+Contraction, reassociation and unsigned zeros let loops over segments become vector code; NaN and infinity keep their
+meaning in comparisons (np.isfinite of a sum may be folded away: write abs(x) < inf).
+Numba renews a program when its own file changes, but not when a kernel from another file does; so the package's
+programs lie in a folder named after the contents of all rooms that hold kernels. A user's own lie where numba puts
+them, beside the file or in NUMBA_CACHE_DIR, under a digest of all that they refer to. Where no folder can be written,
+nothing is kept.
 """
 
 import hashlib
+import marshal
 from collections.abc import Callable
+from contextlib import suppress
+from functools import cached_property, lru_cache
 from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
 from typing import Any, TypeVar
 
 import numba
+from numba.core import cgutils, event, types
+from numba.core.caching import FunctionCache
+from numba.core.dispatcher import Dispatcher
+from numba.core.registry import CPUDispatcher
+from numba.core.serialize import dumps
+from numba.extending import intrinsic
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
+_OPTIONS: Any = {
+    "fastmath": {"contract", "reassoc", "nsz"},
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+}
+_ROOMS_WITH_KERNELS = ("plants", "unscented", "controllers", "estimators", "disturbances")
 
-_ROOMS_WITH_KERNELS = ("plant", "unscented", "control", "simulation")
+
+def kernel(function: _Function) -> _Function:
+    """Compile a function into the kernels and programs that call it; Python runs it as a program of its own."""
+    return _kernel(function)
 
 
-def _cache_folder() -> str:
+def inlined(function: _Function) -> _Function:
+    """A kernel of a hot loop, whose text is laid into its callers'."""
+    return _kernel(function, inline="always")
+
+
+def _kernel(function: _Function, **options: str) -> _Function:
+    compiled: Any = _Kernel(
+        function,
+        targetoptions={
+            "nopython": True,
+            "no_cpython_wrapper": True,
+            "forceinline": True,
+            **options,
+            **_OPTIONS,
+        },
+    )
+    result: _Function = compiled
+    return result
+
+
+def program(function: _Function) -> _Function:
+    """Compile a function that Python calls, or another program by its `address`, and keep it on disk."""
+    settings: Any = numba.config
+    configured = settings.CACHE_DIR
+    settings.CACHE_DIR = str(Path(configured or Path(__file__).parent / "__pycache__") / _sources_digest())
+    try:
+        compiled: Any = kept_on_disk(numba.njit(**_OPTIONS)(function), function)
+    finally:
+        settings.CACHE_DIR = configured
+    result: _Function = compiled
+    return result
+
+
+def kept_on_disk(compiled: Any, source: Callable[..., Any]) -> Any:
+    """Keep what a jitted function, made of `source`, compiles to, if there is a folder that can be written."""
+    # Numba finds no folder that it can write, or the function stands in no file.
+    with suppress(RuntimeError, OSError):
+        compiled._cache = _Cache(compiled.py_func, source)
+    return compiled
+
+
+def is_jitted(function: object) -> bool:
+    """Whether numba can call the function from compiled code."""
+    return isinstance(function, Dispatcher)
+
+
+def interpreted(compiled: Any, **names: Any) -> Any:
+    """A function, jitted or not, as plain Python, with other objects under some names of its module."""
+    function = getattr(compiled, "py_func", compiled)
+    return FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__)
+
+
+def bound(template: Any, name: str, owner: Any, **names: Any) -> Any:
+    """A plain function from a template of module level, compiled and kept on disk as if it stood beside `owner`.
+
+    `names` are what the template's globals of these names are; `owner` is the jitted function of the user's among them.
+    """
+    plain = owner.py_func
+    code = template.__code__.replace(
+        co_filename=plain.__code__.co_filename, co_firstlineno=plain.__code__.co_firstlineno
+    )
+    function = FunctionType(code, {**template.__globals__, **names}, name)
+    function.__module__, function.__qualname__ = plain.__module__, f"{plain.__qualname__}.{template.__name__}"
+    return kept_on_disk(numba.njit(error_model="numpy", no_cfunc_wrapper=True)(function), owner)
+
+
+def address(function: Any, *example: Any) -> int:
+    """Where the machine code of a jitted function for such arguments begins; it must return nothing.
+
+    A named tuple among the arguments may be handed over as a plain tuple: both look alike to machine code.
+    """
+    function = getattr(function, "as_program", function)
+    compiled = function.get_compile_result(numba.core.typing.signature(types.none, *_types(*example)))
+    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+
+
+def _types(*example: Any) -> tuple[Any, ...]:
+    return tuple(numba.typeof(value) for value in example)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def call(_context: Any, where: Any, arguments: Any) -> Any:
+    """call(address, (argument, ...)): run the machine code there; what it raises is raised here."""
+
+    def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+        convention, given = context.call_conv, tuple(arguments)
+        pointer = builder.inttoptr(values[0], convention.get_function_type(types.none, given).as_pointer())
+        unpacked = cgutils.unpack_tuple(builder, values[1], len(given))
+        status, _ = convention.call_function(builder, pointer, types.none, given, unpacked)
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return context.get_dummy_value()
+
+    return types.none(where, arguments), generate
+
+
+class _Kernel(CPUDispatcher):  # type: ignore[misc]
+    """A function for compiled code; a call from Python goes to a program that is kept on disk."""
+
+    @cached_property
+    def as_program(self) -> Any:
+        return program(self.py_func)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.as_program(*arguments)
+
+
+class _Cache(FunctionCache):  # type: ignore[misc]
+    """Numba's cache, but for a folder that cannot be written any more, and for what a user's function refers to."""
+
+    def __init__(self, py_func: Any, source: Callable[..., Any]) -> None:
+        super().__init__(py_func)
+        self._source = source
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What was kept for a signature, or None."""
+        with suppress(_UnknownContentsError):
+            return super().load_overload(sig, target_context)
+        return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Write a compilation, if possible."""
+        with suppress(OSError, _UnknownContentsError):
+            super().save_overload(sig, data)
+
+    def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
+        return (*super()._index_key(sig, codegen), _contents(self._source))
+
+
+class _UnknownContentsError(Exception):
+    """What a function refers to cannot be written down."""
+
+
+def _contents(source: Any) -> str:
+    """Digest of a user's function, and of all that it refers to: closures, globals, functions that it calls.
+
+    Empty for functions of this package, whose folder is named after its contents.
+    """
+    waiting: list[Any] = [source]
+    digest, seen = hashlib.blake2b(digest_size=16), set()
+    while waiting:
+        value = waiting.pop()
+        plain = getattr(value, "py_func", value)
+        if isinstance(plain, FunctionType):
+            if _is_own(plain) or id(plain) in seen:
+                continue
+            seen.add(id(plain))
+            digest.update(marshal.dumps(plain.__code__, 2))  # later versions depend on reference counts
+            waiting += [cell.cell_contents for cell in plain.__closure__ or ()]
+            waiting += [plain.__globals__[n] for n in _names(plain.__code__) if n in plain.__globals__]
+        elif isinstance(value, ModuleType):
+            file = Path(getattr(value, "__file__", None) or "")
+            digest.update(f"{value.__name__} {file.stat().st_mtime_ns if file.is_file() else 0}".encode())
+        else:
+            try:
+                digest.update(dumps(value))
+            except Exception as error:
+                raise _UnknownContentsError from error
+    return digest.hexdigest() if seen else ""
+
+
+def _is_own(function: FunctionType) -> bool:
+    return function.__module__.partition(".")[0] == __package__
+
+
+def _names(code: CodeType) -> list[str]:
+    """Names that a function's code and the functions inside it look up."""
+    inner = [name for part in code.co_consts if isinstance(part, CodeType) for name in _names(part)]
+    return [*code.co_names, *inner]
+
+
+@lru_cache(maxsize=1)
+def _sources_digest() -> str:
     package = Path(__file__).parent
     digest = hashlib.blake2b(Path(__file__).read_bytes(), digest_size=6)
     for room in _ROOMS_WITH_KERNELS:
         for source in sorted((package / room).rglob("*.py")):
             digest.update(source.read_bytes())
-    return str(package / "__pycache__" / f"kernels_{digest.hexdigest()}")
+    return f"kernels_{digest.hexdigest()}"
 
 
-_CACHE_FOLDER = _cache_folder()
+class _Once(event.Listener):  # type: ignore[misc]
+    def __init__(self, tell: Callable[[str], object]) -> None:
+        self._tell: Callable[[str], object] | None = tell
+
+    def on_start(self, event: Any) -> None:
+        tell, self._tell = self._tell, None
+        if tell is not None:
+            tell("compiling the model, once for each installation")
+
+    def on_end(self, event: Any) -> None:
+        pass
 
 
-def kernel(function: _Function) -> _Function:
-    """Compile a function without Python objects; where the cache folder cannot be written, numba picks another."""
-    settings: Any = numba.config
-    configured = settings.CACHE_DIR
-    settings.CACHE_DIR = _CACHE_FOLDER
-    try:
-        compiled: Any = numba.njit(
-            cache=True, inline="always", fastmath={"contract", "reassoc", "nsz"}, error_model="numpy"
-        )(function)
-    finally:
-        settings.CACHE_DIR = configured
-    result: _Function = compiled
-    return result
+def on_first_compilation(tell: Callable[[str], object]) -> None:
+    """Pass a sentence on, once, when the first function of this process is compiled rather than loaded."""
+    event.register("numba:compile", _Once(tell))

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How far a bounded nonlinearity can push the closed loop z+ = Z z + d, |d| <= D (after arXiv 2504.08579).
 
 With P = I + Z'P Z (discrete Lyapunov equation), V = z'P z falls wherever

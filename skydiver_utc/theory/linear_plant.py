@@ -1,46 +1,31 @@
-"""A linear plant x+ = A x + B u + f, y = C x, as UTC sees it: from the state to the output at the horizon."""
+# SPDX-License-Identifier: Apache-2.0
+"""A linear plant as UTC uses it: from the state and a held control to the output at the horizon."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, expm
+from scipy.linalg import block_diag
+
+from skydiver_utc.plants.linear import LinearModel
 
 Array = NDArray[np.float64]
 
 _DIVERGED = 1e60  # its fourth power, which the steady gain takes, is still a number
 
 
-class LinearPlant(NamedTuple):
-    """A (n, n), B (n, m), C (l, n) of one time step."""
-
-    A: Array
-    B: Array
-    C: Array
-
-
-def with_outputs_of_controls(plant: LinearPlant, drawn: Sequence[int]) -> LinearPlant:
-    """The plant with these controls as further outputs, as those are that UTC draws to rest.
+def with_outputs_of_controls(plant: LinearModel, nominal: Sequence[int]) -> LinearModel:
+    """The plant with these controls as further outputs, as UTC has them for a nominal control.
 
     Each is a further state, w+ = D u, so that F of the horizon has nothing of it and H has D. A (n+d, n+d),
     B (n+d, m), C (l+d, n+d) for d controls.
     """
-    D = np.eye(plant.B.shape[1])[list(drawn)]
+    D = np.eye(plant.B.shape[1])[list(nominal)]
     A = block_diag(plant.A, np.zeros((len(D), len(D))))
-    return LinearPlant(A, np.vstack([plant.B, D]), block_diag(plant.C, np.eye(len(D))))
+    return LinearModel(A, np.vstack([plant.B, D]), block_diag(plant.C, np.eye(len(D))))
 
 
-def zero_order_hold(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
-    """A (n, n) and B (n, m) of one step of dt [s], the control held, from those of x' = A x + B u."""
-    n, m = B.shape
-    both = np.zeros((n + m, n + m))
-    both[:n, :n], both[:n, n:] = A, B
-    whole = expm(both * dt)
-    return whole[:n, :n], whole[:n, n:]
-
-
-def to_the_horizon(plant: LinearPlant, steps: int) -> tuple[Array, Array]:
+def to_the_horizon(plant: LinearModel, steps: int) -> tuple[Array, Array]:
     """F = C A^N (l, n) and H = C (A^(N-1) + .. + I) B (l, m): with u held, y is F x + H u after N steps.
 
     Raises `ValueError` where these pass 1e60.

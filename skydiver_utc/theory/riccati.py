@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The Riccati form of the stability condition, and its additional term for more than one prediction step.
 
 A UTC step minimises du' Pu^-1 du + (r - y_N)' P_err^-1 (r - y_N). For a pair (F, G), a weight X and any gain L,
@@ -17,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.theory.linear_plant import LinearPlant, to_the_horizon
+from skydiver_utc.plants.linear import LinearModel
+from skydiver_utc.theory.linear_plant import to_the_horizon
 from skydiver_utc.theory.steady_gain import gain
 
 Array = NDArray[np.float64]
@@ -45,7 +47,7 @@ def riccati_terms(F: Array, G: Array, X: Array, Pu: Array, L: Array) -> Riccati:
     return Riccati(cost, L.T @ W @ L, (L - best).T @ both @ (L - best))
 
 
-def output_riccati(plant: LinearPlant, Pu: Array, P_err: Array, steps: int) -> Riccati:
+def output_riccati(plant: LinearModel, Pu: Array, P_err: Array, steps: int) -> Riccati:
     """The terms for the output as measure, X = C' P_err^-1 C, and a control drawn around zero at each step."""
     F, H = to_the_horizon(plant, steps)
     X = plant.C.T @ np.linalg.solve(P_err, plant.C)

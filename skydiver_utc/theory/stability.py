@@ -1,13 +1,15 @@
-"""All that the theory says of one linear plant under one tuning of UTC."""
+# SPDX-License-Identifier: Apache-2.0
+"""The results of the theory for one linear plant and one tuning of UTC."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.plants.linear import LinearModel
 from skydiver_utc.theory.bound import Ball, ball
 from skydiver_utc.theory.closed_loop import apart_from_rest, closed_loop_matrix, decay
-from skydiver_utc.theory.linear_plant import LinearPlant, to_the_horizon
+from skydiver_utc.theory.linear_plant import to_the_horizon
 from skydiver_utc.theory.riccati import Riccati, output_riccati
 from skydiver_utc.theory.steady_gain import SteadyGain, steady_gain
 
@@ -39,7 +41,7 @@ class Stability(NamedTuple):
         return self.decay < 1.0
 
 
-def analyse(plant: LinearPlant, steps: int, Qu: Array, P_err: Array, nonlinearity: float) -> Stability:
+def analyse(plant: LinearModel, steps: int, Qu: Array, P_err: Array, nonlinearity: float) -> Stability:
     """`nonlinearity` is the largest |f| of x+ = A x + B u + f, which the controller's model does not have."""
     _, H = to_the_horizon(plant, steps)
     settled = steady_gain(H, P_err, Qu)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The gain that UTC settles to on a linear plant: the fixed point of its covariance recursion.
 
     K = Pu H' (H Pu H' + P_err)^-1,    Pu+ = Pu - K H Pu + Qu

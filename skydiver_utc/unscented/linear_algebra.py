@@ -1,4 +1,5 @@
-"""Small dense solves, written out so that kernels compile fast and do not allocate."""
+# SPDX-License-Identifier: Apache-2.0
+"""The gain of a linear estimate from covariances, written out so that it compiles fast."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,39 +10,37 @@ Array = NDArray[np.float64]
 
 
 @kernel
-def cholesky(matrix: Array) -> bool:
-    """Replace the lower triangle of a symmetric matrix by its Cholesky factor; False if not positive definite."""
-    for j in range(matrix.shape[0]):
-        pivot = matrix[j, j]
+def gain(C_y: Array, C_uy: Array, P: Array) -> bool:
+    """Make C_uy (m, l) the gain K = C_uy C_y^-1, and take K C_y K' from P (m, m); False if C_y is not definite.
+
+    The lower triangle of C_y (l, l) becomes its Cholesky factor L. C_uy and P are changed only if the answer is True.
+    """
+    m, l = C_uy.shape
+    for j in range(l):
+        pivot = C_y[j, j]
         for k in range(j):
-            pivot -= matrix[j, k] * matrix[j, k]
+            pivot -= C_y[j, k] * C_y[j, k]
         if not (pivot > 0.0 and pivot < np.inf):
             return False
-        matrix[j, j] = np.sqrt(pivot)
-        for i in range(j + 1, matrix.shape[0]):
-            total = matrix[i, j]
+        C_y[j, j] = np.sqrt(pivot)
+        for i in range(j + 1, l):
+            total = C_y[i, j]
             for k in range(j):
-                total -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = total / matrix[j, j]
-    return True
-
-
-@kernel
-def divide_by_upper(rows: Array, factor: Array) -> None:
-    """Replace each row b (n, l) by b L^-T, where `factor` holds L in its lower triangle."""
-    for row in range(rows.shape[0]):
-        for i in range(rows.shape[1]):
+                total -= C_y[i, k] * C_y[j, k]
+            C_y[i, j] = total / C_y[j, j]
+    # With G = C_uy L^-T: K C_y K' = G G' and K = G L^-1.
+    for a in range(m):
+        for i in range(l):
             for k in range(i):
-                rows[row, i] -= factor[i, k] * rows[row, k]
-            rows[row, i] /= factor[i, i]
-
-
-@kernel
-def divide_by_lower(rows: Array, factor: Array) -> None:
-    """Replace each row b (n, l) by b L^-1, where `factor` holds L in its lower triangle."""
-    size = rows.shape[1]
-    for row in range(rows.shape[0]):
-        for i in range(size - 1, -1, -1):
-            for k in range(i + 1, size):
-                rows[row, i] -= factor[k, i] * rows[row, k]
-            rows[row, i] /= factor[i, i]
+                C_uy[a, i] -= C_y[i, k] * C_uy[a, k]
+            C_uy[a, i] /= C_y[i, i]
+    for a in range(m):
+        for b in range(m):
+            for k in range(l):
+                P[a, b] -= C_uy[a, k] * C_uy[b, k]
+    for a in range(m):
+        for i in range(l - 1, -1, -1):
+            for k in range(i + 1, l):
+                C_uy[a, i] -= C_y[k, i] * C_uy[a, k]
+            C_uy[a, i] /= C_y[i, i]
+    return True

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sigma points, their weights, and the moments of what they become."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What every controller offers to the closed loop."""
 
 from enum import IntEnum
@@ -19,7 +20,7 @@ class Status(IntEnum):
 
 
 class Decision(NamedTuple):
-    """A control (4,), the named values behind it (n,), and a status."""
+    """A control (m,), the named values behind it (n,), and a status."""
 
     control: Array
     telemetry: Array
@@ -27,17 +28,22 @@ class Decision(NamedTuple):
 
 
 class Controller(Protocol):
-    """Decides the control that acts on [t_k, t_k+1) from the state at t_k."""
+    """Decides the control that acts on [t_k, t_k+1) from the state at t_k.
+
+    Made as `Class(settings, plant, outputs, dt_s, seed)`.
+
+    outputs: names of the plant's outputs that the reference is for (l of them)
+    """
 
     preview_steps: int
     telemetry_names: tuple[str, ...]
 
     def reset(self) -> None:
-        """Forget the flight so far."""
+        """Start again as at step 0."""
 
     def resume(self, control: Array) -> None:
-        """Come into a flight that goes on: forget the flight so far, begin from this control (4,)."""
+        """Warm start: continue a run in which this control (m,) was applied last."""
 
     def decide(self, state: Array, preview: Array) -> Decision:
-        """Control for the state (13,) and the reference preview (preview_steps + 1,) at k, k+1, ... [rad/s]."""
+        """Control for the state (n,) at k and the reference (preview_steps + 1, l) at k, k+1, ..."""
         ...

@@ -1,30 +1,15 @@
+# SPDX-License-Identifier: Apache-2.0
 """Delay compensation around any controller: decide on the state predicted for when the command will act."""
 
 from collections import deque
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.control.protocol import Controller, Decision
+from skydiver_utc.controllers.protocol import Controller, Decision
+from skydiver_utc.plants.protocol import Plant
 
 Array = NDArray[np.float64]
-
-
-class PlantModel(Protocol):
-    """What the prediction takes of the plant; the actuators' positions are (5,) or what the plant has."""
-
-    def initial_applied(self) -> Array:
-        """What the actuators hold before step 0."""
-        ...
-
-    def actuate(self, command: Array, before: Array) -> Array:
-        """What the actuators make of a command (4,)."""
-        ...
-
-    def step(self, state: Array, before: Array, applied: Array) -> Array:
-        """State (13,) one dt later."""
-        ...
 
 
 class DelayCompensation:
@@ -34,23 +19,24 @@ class DelayCompensation:
     k to k+d, and the inner controller decides there, with the reference from k+d on.
     """
 
-    def __init__(self, inner: Controller, model: PlantModel, delay_steps: int) -> None:
+    def __init__(self, inner: Controller, model: Plant, delay_steps: int) -> None:
         self._inner = inner
         self._model = model
         self._delay = delay_steps
+        self._m = len(model.control_names)
         self.preview_steps = inner.preview_steps + delay_steps
         self.telemetry_names = inner.telemetry_names
         self._held: Array  # what the actuators hold before step k
-        self._on_their_way: deque[Array]  # commands for the steps k .. k+d-1
+        self._pending: deque[Array]  # commands for the steps k .. k+d-1
         self.reset()
 
     def reset(self) -> None:
-        """Forget the flight so far: the initial control acts until the first command does."""
+        """Start again: the initial control acts until the first command does."""
         self._inner.reset()
         self._begin(self._model.initial_applied())
 
     def resume(self, control: Array) -> None:
-        """Come into a flight in which this control (4,) acts, its alpha at rest."""
+        """Continue a run in which this control (m,) acts, its actuators at rest."""
         self._inner.resume(control)
         held = self._model.initial_applied()
         held[: len(control)] = control
@@ -60,17 +46,17 @@ class DelayCompensation:
     def decide(self, state: Array, preview: Array) -> Decision:
         """Decide at k + d; `preview` begins at k."""
         decision = self._inner.decide(self._ahead(state), preview[self._delay :])
-        self._held = self._model.actuate(self._on_their_way.popleft(), self._held)
-        self._on_their_way.append(decision.control.copy())
+        self._held = self._model.actuate(self._pending.popleft(), self._held)
+        self._pending.append(decision.control.copy())
         return decision
 
     def _begin(self, held: Array) -> None:
         self._held = held
-        self._on_their_way = deque([held[:4].copy()] * self._delay)
+        self._pending = deque([held[: self._m].copy()] * self._delay)
 
     def _ahead(self, state: Array) -> Array:
         before = self._held
-        for command in self._on_their_way:
+        for command in self._pending:
             applied = self._model.actuate(command, before)
             state = self._model.step(state, before, applied)
             before = applied

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nonlinear model predictive control by Gauss-Newton steps, for any plant.
+
+Single shooting: the outputs are linearised in the control sequence by one-sided differences (one roll-out for
+the sequence at hand, one for each of its entries), and the quadratic program of J (`controllers/horizon.py`) under
+magnitude and rate limits gives the next sequence, in full steps. One iteration per decision, started from the
+sequence before, is the real-time iteration (Diehl, Bock, Schloeder, SIAM J. Control Optim. 43 (2005) 1714-1736).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.controllers.horizon import Horizon, cost_of
+from skydiver_utc.controllers.protocol import Decision, Status
+from skydiver_utc.controllers.settings import GaussNewtonSettings
+from skydiver_utc.plants.protocol import Plant
+
+Array = NDArray[np.float64]
+
+# Difference for the derivatives, as a share of a control's range.
+_DIFFERENCE = 1e-5
+_TOLERANCE = 1e-9
+
+
+class GaussNewtonController:
+    """Keeps a control sequence and improves it at each decision."""
+
+    telemetry_names: tuple[str, ...] = ("predicted_error", "cost", "program_iterations")
+
+    def __init__(
+        self,
+        settings: GaussNewtonSettings,
+        plant: Plant,
+        outputs: tuple[str, ...],
+        dt_s: float,
+        seed: int = 0,
+    ) -> None:
+        m = len(plant.control_names)
+        n = settings.blocks * m
+        self._horizon, self._cost = Horizon(settings, plant, outputs, n + 1), cost_of(settings, plant)
+        self._iterations, self._initial = settings.iterations, plant.initial_control()
+        self.preview_steps = self._horizon.preview_steps
+        self._horizon.begin[1:] = np.repeat(np.arange(settings.blocks), m) * self._horizon.hold
+        minimum, maximum, change = self._horizon.limits
+        self._differences = np.tile(_DIFFERENCE * (maximum - minimum), settings.blocks)
+        # Rows of the program: bounds of the entries, then changes between neighbouring blocks of what has a rate.
+        moving = np.flatnonzero(np.isfinite(change))
+        later = (m * np.arange(1, settings.blocks)[:, None] + moving).ravel()
+        self._rows = np.zeros((len(later), n))
+        self._rows[range(len(later)), later] = 1.0
+        self._rows[range(len(later)), later - m] = -1.0
+        allowed = np.tile(change[moving] * self._horizon.block_periods, settings.blocks - 1)
+        self._lower = np.concatenate([np.tile(minimum, settings.blocks), -allowed])
+        self._upper = np.concatenate([np.tile(maximum, settings.blocks), allowed])
+        self.reset()
+
+    def reset(self) -> None:
+        """Start again from the initial control."""
+        self.resume(self._initial)
+
+    def resume(self, control: Array) -> None:
+        """Start from this control, the one applied last, held over the horizon."""
+        self._applied = control.copy()
+        self._sequence = np.tile(control, (self._horizon.blocks, 1))
+
+    def decide(self, state: Array, preview: Array) -> Decision:
+        """Improve the sequence and take its first control."""
+        at, reference = self._horizon, self._horizon.reference(preview)
+        solution, iterations = self._sequence, 0
+        for _ in range(self._iterations):
+            found = self._improve(state, preview, reference, solution)
+            if found is None:
+                # The sequence led where the model has no finite answer: a fresh start from the control before.
+                self.resume(self._applied)
+                return Decision(
+                    self._applied.copy(), np.zeros(len(self.telemetry_names)), Status.KEPT_PREVIOUS
+                )
+            solution, saturated, used = found
+            iterations += used
+        error = float(np.hypot.reduce(reference[-1] - self._outputs[-reference.shape[1] :], initial=0.0))
+        cost = float(
+            self._cost.of(
+                at.sequences[:1], self._applied, self._outputs[None], np.ascontiguousarray(reference)
+            )[0]
+        )
+        self._applied = at.first_period(solution, self._applied)
+        self._sequence = at.one_period_on(solution)
+        status = Status.SATURATED if saturated else Status.SOLVED
+        return Decision(self._applied.copy(), np.array([error, cost, float(iterations)]), status)
+
+    def _improve(
+        self, state: Array, preview: Array, reference: Array, sequence: Array
+    ) -> tuple[Array, bool, int] | None:
+        """One Gauss-Newton step on a sequence (B, m): the next, whether its first control is limited, iterations."""
+        import daqp
+
+        at, m, n = self._horizon, len(self._applied), sequence.size
+        minimum, maximum, change = at.limits
+        x = sequence.ravel()
+        points = at.sequences.reshape(n + 1, n)
+        points[:] = x
+        # An entry too near to its maximum moves down.
+        steps = np.where(
+            x + self._differences <= np.tile(maximum, at.blocks), self._differences, -self._differences
+        )
+        points[range(1, n + 1), range(n)] += steps
+        outputs = at.outputs(state, self._applied, preview)
+        self._outputs = outputs[0].copy()
+        J = (outputs[1:] - outputs[0]) / (points[range(1, n + 1), range(n)] - x)[:, None]
+        H, g = self._program(J, outputs[0] - reference.ravel() - x @ J, len(reference))
+        if not (np.isfinite(H).all() and np.isfinite(g).all()):
+            return None
+        lower, upper = self._lower.copy(), self._upper.copy()
+        allowed = change * at.block_periods
+        lower[:m] = np.maximum(minimum, self._applied - allowed)
+        upper[:m] = np.minimum(maximum, self._applied + allowed)
+        sense = np.zeros(len(lower), dtype=np.int32)
+        found, _, flag, details = daqp.solve(H, g, self._rows, upper, lower, sense, primal_tol=_TOLERANCE)
+        if flag <= 0:
+            return None
+        solution = np.clip(found, lower[:n], upper[:n]).reshape(sequence.shape)
+        first = found[:m]
+        limited = (first <= lower[:m] + _TOLERANCE) | (first >= upper[:m] - _TOLERANCE)
+        return solution, bool(limited.any()), int(details["iterations"])
+
+    def _program(self, J: Array, error: Array, steps: int) -> tuple[Array, Array]:
+        """H (n, n) and g (n,) of J / 2 = 1/2 x' H x + g' x + const, outputs linearised with slopes J (n, N l)."""
+        m, blocks = len(self._applied), self._horizon.blocks
+        H, g = J @ J.T / steps, J @ error / steps
+        control, change = self._cost.control / blocks, self._cost.change / blocks
+        g -= np.tile(control * self._cost.rest, blocks)
+        g[:m] -= change * self._applied
+        diagonal = np.tile(control + 2.0 * change, blocks)
+        diagonal[-m:] -= change
+        H[np.diag_indices_from(H)] += diagonal
+        i = np.arange(m, m * blocks)
+        H[i, i - m] -= np.tile(change, blocks - 1)
+        H[i - m, i] -= np.tile(change, blocks - 1)
+        return H, g

@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bounds and rates of a control vector, as controllers keep them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.plants.protocol import Plant
+
+Array = NDArray[np.float64]
+
+
+def limits_of(plant: Plant) -> Array:
+    """Limits (3, m) of a plant's control: minimum, maximum and largest change in one step."""
+    return np.array([plant.minimum, plant.maximum, plant.rate * plant.dt_s])
+
+
+def limited(wanted: Array, previous: Array, limits: Array) -> Array:
+    """A control (m,) inside its bounds, then inside its largest change from the previous one."""
+    minimum, maximum, change = limits
+    # Not np.clip: called each control step on a few numbers, it costs several times as much.
+    bounded = np.minimum(np.maximum(wanted, minimum), maximum)
+    slewed: Array = np.minimum(np.maximum(bounded, previous - change), previous + change)
+    return slewed

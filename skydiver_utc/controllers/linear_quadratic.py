@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A linear-quadratic regulator that tracks a previewed reference, for any plant, linearised about its equilibrium.
+
+For deviations z of the state and u of the control from the equilibrium, z' = A z + B u and y = C z per control
+period, it minimises without regard to limits and over an infinite time
+
+    sum_k |y_k - r_k|^2 + sum_c w_c u_k,c^2 + sum_c s_c (u_k,c - u_k-1,c)^2
+
+With xi = (z, u_k-1), the change of the control is -K xi + sum_j F_j r_k+j: K from the discrete Riccati equation,
+F_j from the adjoint of the closed loop. The reference counts as constant after its last known value. The control
+before is the one that the limits left, so that a control at its limit does not wind up.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.controllers.horizon import cost_of
+from skydiver_utc.controllers.limits import limited, limits_of
+from skydiver_utc.controllers.protocol import Decision, Status
+from skydiver_utc.controllers.settings import LqrSettings
+from skydiver_utc.plants.protocol import Plant, Reduced
+
+Array = NDArray[np.float64]
+
+_DIFFERENCE = 1e-5
+
+
+class Linearised(NamedTuple):
+    """A (n, n), B (n, m) of one step and C (l, n) about an equilibrium, with the outputs there (l,)."""
+
+    A: Array
+    B: Array
+    C: Array
+    outputs: Array
+
+
+class Gains(NamedTuple):
+    """K (m, n + m) on the state and the control before, F (N, m, l) on r_1 .. r_N."""
+
+    feedback: Array
+    preview: Array
+
+
+def linearised(plant: Plant, about: Reduced, control: Array, outputs: tuple[str, ...]) -> Linearised:
+    """The plant's model about an equilibrium in its reduced state; central differences."""
+    model, selected = plant.model, [plant.output_names.index(name) for name in outputs]
+    following, values = np.empty(model.state_size), np.empty(len(plant.output_names))
+
+    def step(z: Array, u: Array) -> Array:
+        model.step(about.expand(z), u, model.parameters, following)
+        return about.reduce(following.copy())
+
+    def output(z: Array, _: Array) -> Array:
+        model.outputs(about.expand(z), model.parameters, values)
+        return values[selected].copy()
+
+    def slope(of: object, z: Array, u: Array, of_control: bool) -> Array:
+        base, columns = u if of_control else z, []
+        for i, size in enumerate(_DIFFERENCE * np.maximum(1.0, np.abs(base))):
+            ahead, back = base.copy(), base.copy()
+            ahead[i] += size
+            back[i] -= size
+            pair = [(z, moved) if of_control else (moved, u) for moved in (ahead, back)]
+            columns.append((of(*pair[0]) - of(*pair[1])) / (ahead[i] - back[i]))  # type: ignore[operator]
+        return np.array(columns).T
+
+    z = about.state
+    return Linearised(
+        slope(step, z, control, False),
+        slope(step, z, control, True),
+        slope(output, z, control, False),
+        output(z, control),
+    )
+
+
+def design(plant: Linearised, control_weight: Array, change_weight: Array, preview_steps: int) -> Gains:
+    """Gains for the weights w and s, each (m,) and positive."""
+    from scipy.linalg import solve_discrete_are
+
+    n, m = plant.B.shape
+    A = np.block([[plant.A, plant.B], [np.zeros((m, n)), np.eye(m)]])
+    B = np.vstack([plant.B, np.eye(m)])
+    C = np.hstack([plant.C, np.zeros((len(plant.C), m))])
+    Q = C.T @ C + np.diag(np.append(np.zeros(n), control_weight))
+    R = np.diag(change_weight)
+    P = solve_discrete_are(A, B, Q, R)
+    to_change = np.linalg.solve(R + B.T @ P @ B, B.T)
+    feedback = to_change @ P @ A
+    closed = (A - B @ feedback).T
+    of_steps, pull = [], C.T
+    for _ in range(preview_steps - 1):
+        of_steps.append(to_change @ pull)
+        pull = closed @ pull
+    of_steps.append(to_change @ np.linalg.solve(np.eye(n + m) - closed, pull))
+    return Gains(feedback, np.array(of_steps))
+
+
+class LinearQuadraticController:
+    """The regulator about the plant's equilibrium under the control at rest (`Plant.reduced`)."""
+
+    telemetry_names: tuple[str, ...] = ("error", "beyond_limits")
+
+    def __init__(
+        self, settings: LqrSettings, plant: Plant, outputs: tuple[str, ...], dt_s: float, seed: int = 0
+    ) -> None:
+        cost = cost_of(settings, plant)
+        self._limits, self._initial, self._rest = limits_of(plant), plant.initial_control(), cost.rest
+        self._about = plant.reduced(cost.rest)
+        self._plant = linearised(plant, self._about, cost.rest, outputs)
+        self._gains = design(self._plant, cost.control, cost.change, settings.horizon_steps)
+        self.preview_steps = settings.preview_steps(dt_s)
+        self.reset()
+
+    def reset(self) -> None:
+        """Start again from the initial control."""
+        self.resume(self._initial)
+
+    def resume(self, control: Array) -> None:
+        """Start from this control, the one applied last."""
+        self._applied = control.copy()
+
+    def decide(self, state: Array, preview: Array) -> Decision:
+        """u_k = u_k-1 - K xi + F r, then the limits."""
+        z = self._about.reduce(state) - self._about.state
+        xi = np.concatenate([z, self._applied - self._rest])
+        reference = preview - self._plant.outputs
+        ahead = np.einsum("jcl,jl->c", self._gains.preview, reference[1:])
+        wanted = self._applied - self._gains.feedback @ xi + ahead
+        if not np.isfinite(wanted).all():
+            return Decision(self._applied.copy(), np.zeros(len(self.telemetry_names)), Status.KEPT_PREVIOUS)
+        control = limited(wanted, self._applied, self._limits)
+        self._applied = control
+        error = float(np.hypot.reduce(reference[0] - self._plant.C @ z, initial=0.0))
+        status = Status.SOLVED if (control == wanted).all() else Status.SATURATED
+        return Decision(control.copy(), np.array([error, np.abs(wanted - control).max()]), status)

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Open loop: controls follow the reference, without feedback."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.controllers.limits import limited, limits_of
+from skydiver_utc.controllers.protocol import Decision, Status
+from skydiver_utc.controllers.settings import OpenLoopSettings
+from skydiver_utc.plants.protocol import Plant
+
+Array = NDArray[np.float64]
+
+
+class OpenLoop:
+    """Controls named by the reference follow it; the others keep their initial values."""
+
+    preview_steps = 0
+
+    def __init__(
+        self, settings: OpenLoopSettings, plant: Plant, outputs: tuple[str, ...], dt_s: float, seed: int = 0
+    ) -> None:
+        if unknown := set(outputs) - set(plant.control_names):
+            raise ValueError(
+                f"the reference must be for controls of the plant, not for {', '.join(sorted(unknown))}"
+            )
+        self._driven = [plant.control_names.index(name) for name in outputs]
+        self._limits, self._initial = limits_of(plant), plant.initial_control()
+        self.telemetry_names: tuple[str, ...] = tuple(f"{name}_unlimited" for name in outputs)
+        self.reset()
+
+    def reset(self) -> None:
+        """Start again from the initial control."""
+        self.resume(self._initial)
+
+    def resume(self, control: Array) -> None:
+        """Start from this control (m,), the one applied last."""
+        self._previous = control.copy()
+
+    def decide(self, state: Array, preview: Array) -> Decision:
+        """The reference, bounded and slewed."""
+        wanted = self._initial.copy()
+        wanted[self._driven] = preview[0]
+        self._previous = limited(wanted, self._previous, self._limits)
+        status = Status.SOLVED if (self._previous == wanted).all() else Status.SATURATED
+        return Decision(self._previous.copy(), preview[0].copy(), status)

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the paper couples the controls of a turning skydiver: the signs s12, s13 (eq_q1, eq_q3) and s14 (eq:s14)."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.controllers.utc.settings import Coupling
+
+Array = NDArray[np.float64]
+
+# In a straight fall the yaw damping must still be tried.
+_LEAST_DEMAND = 0.02
+
+
+class CouplingSchedule:
+    """Pu at k = 0 and Qu at each step, from the signs of the reference and of its change.
+
+    variances (m, m) of the controls, without coupling; names of the controls, Cm_damp_yaw among them
+    """
+
+    def __init__(
+        self, settings: Coupling, variances: Array, names: Sequence[str], Qu_ratio: float, dt_s: float
+    ) -> None:
+        missing = {"Cm_damp_yaw", "k_right", "k_left", "alpha"} - set(names)
+        if missing:
+            raise ValueError(
+                f"coupling is for controls that this plant does not have: {', '.join(sorted(missing))}"
+            )
+        self._settings, self._variances = settings, variances
+        self._row = names.index("Cm_damp_yaw")
+        self._columns = [names.index(name) for name in ("k_right", "k_left", "alpha")]
+        self._sizes = np.array([settings.k_right, settings.k_left, settings.alpha])
+        self._k_hyst = settings.hysteresis_steps(dt_s)
+        self.preview_steps = self._k_hyst + 1
+        self._full_change = settings.full_acceleration * dt_s
+        # A run needs few of them again and again: eq:s14 flips its sign each step while the turn speeds up.
+        self._scaled = lru_cache(maxsize=16)(lambda *found: Qu_ratio * self._matrix(*found))
+        self.reset()
+
+    def reset(self) -> None:
+        """Start from s14 = -1: to start turning, the yaw damping must be reduced."""
+        self._s14_raw = -1.0
+        self._rate_sign = 0.0
+
+    def initial_covariance(self, preview: Array) -> Array:
+        """Pu (m, m) at k = 0, with the raw s14 = -1 and the signs at the first step."""
+        now, following = preview[:2].tolist()
+        s12, s13 = self._hand_signs(now, following)
+        return self._matrix(s12, s13, self._signed(-1.0, now, preview), 1.0)
+
+    def process_noise(self, preview: Array) -> Array:
+        """Qu (m, m) at the step where the preview (count,) of the yaw rate starts; not to be written to."""
+        now, following = preview[:2].tolist()
+        s12, s13 = self._hand_signs(now, following)
+        return self._scaled(s12, s13, self._s14(now, following, preview), self._demand(preview))
+
+    def _hand_signs(self, now: float, following: float) -> tuple[float, float]:
+        match self._settings.signs:
+            case "yaw_rate":
+                return _sign(now), -_sign(now)
+            case "yaw_acceleration":
+                return _sign(following - now), _sign(following - now)
+            case _:
+                return 0.0, 0.0
+
+    def _s14(self, now: float, following: float, preview: Array) -> float:
+        """eq:s14; a sign of zero keeps the value before."""
+        before, after = now, following
+        if self._s14_raw <= 0:
+            before, after = preview[self._k_hyst : self._k_hyst + 2].tolist()
+        change = abs(after) - abs(before)
+        if change != 0.0:
+            self._s14_raw = -_sign(change)
+        return self._signed(self._s14_raw, now, preview)
+
+    def _signed(self, s14: float, now: float, preview: Array) -> float:
+        """s14 times the sign of the turn; a run that starts from zero takes the sign of the turn to come."""
+        if now != 0.0:
+            self._rate_sign = _sign(now)
+        elif self._rate_sign == 0.0:
+            coming = preview[np.flatnonzero(preview)[:1]]
+            self._rate_sign = _sign(float(coming[0])) if len(coming) else 1.0
+        return s14 * self._rate_sign
+
+    def _demand(self, preview: Array) -> float:
+        """How much of the row is in force: the largest change ahead against that of full coupling."""
+        if self._full_change == 0.0:
+            return 1.0
+        return float(np.clip(np.abs(np.diff(preview)).max() / self._full_change, _LEAST_DEMAND, 1.0))
+
+    def _matrix(self, s12: float, s13: float, s14: float, demand: float) -> Array:
+        matrix, row = self._variances.copy(), self._row
+        matrix[row, self._columns] = matrix[self._columns, row] = demand * self._sizes * (s12, s13, s14)
+        matrix[row, row] *= demand
+        return matrix
+
+
+def _sign(value: float) -> float:
+    """-1, 0 or 1."""
+    return float((value > 0.0) - (value < 0.0))

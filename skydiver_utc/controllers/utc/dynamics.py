@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a sigma point does inside the horizon, other than being held: see `controllers.roll_out.Dynamics`."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.controllers.roll_out import Dynamics
+from skydiver_utc.jit import bound, interpreted, is_jitted, program
+from skydiver_utc.plants.protocol import LEFT_ITS_DOMAIN, MISTAKES, Plant, one_line
+
+Array = NDArray[np.float64]
+
+
+@program
+def incremental(
+    point: Array,
+    before: Array,
+    state: Array,
+    y: Array,
+    y_before: Array,
+    preview: Array,
+    j: int,
+    numbers: Array,
+    out: Array,
+) -> None:
+    """eq:m1utc for one control; numbers: which control, which output, K_p, K_FF, tau in steps.
+
+    On [t_k+j, t_k+j+1) it takes the reference at k+j+1 and the output at k+j, the newest that is known when the control
+    is set. The reference is the first of the preview.
+    """
+    c, output, K_p, K_FF, tau = int(numbers[0]), int(numbers[1]), numbers[2], numbers[3], int(numbers[4])
+    for a in range(out.shape[0]):
+        out[a] = point[a]
+    own = point[c] if j == 0 else before[c]
+    ahead = j + 1 + tau
+    out[c] = (
+        own
+        + K_p * (preview[j + 1, 0] - preview[j, 0])
+        - K_p * (y[output] - y_before[output])
+        + K_FF * (preview[ahead, 0] - preview[ahead - 1, 0])
+    )
+
+
+def function(*_: Any) -> Any:
+    """What the template below calls: the user's control dynamics."""
+
+
+def of_user(
+    point: Array,
+    before: Array,
+    state: Array,
+    y: Array,
+    y_before: Array,
+    preview: Array,
+    j: int,
+    numbers: Array,
+    out: Array,
+) -> None:
+    """Control dynamics that return the control."""
+    wanted = np.asarray(function(point, before, state, preview, j))
+    if wanted.size != out.size:
+        raise TypeError("it returns another number of controls")
+    for a in range(out.shape[0]):
+        out[a] = wanted[a]
+
+
+def user_dynamics(given: Callable[..., Any], plant: Plant) -> Dynamics:
+    """The user's control dynamics in the form of the roll-out; jitted if the plant is. Raises ValueError."""
+    name = "control_dynamics"
+    if not callable(given):
+        raise ValueError(
+            f"{name} must be a function (point, control, state, preview, j) -> control, not {given!r}."
+        )
+    control, preview = plant.initial_control(), np.zeros((2, len(plant.output_names)))
+    try:
+        returned = given(control.copy(), control.copy(), plant.initial_state(), preview, 0)
+        if returned is None:
+            raise TypeError("it returns None")
+        shape = np.shape(returned)
+    except (*LEFT_ITS_DOMAIN, *MISTAKES) as error:
+        raise ValueError(
+            f"{name} fails on the example given ({type(error).__name__}: {one_line(error)})."
+        ) from error
+    if shape != control.shape:
+        raise ValueError(f"{name} returns shape {shape} for a control of shape {control.shape}.")
+    if is_jitted(plant.model.step):
+        import numba
+
+        jitted = given if is_jitted(given) else numba.njit(error_model="numpy")(given)
+        return Dynamics(bound(of_user, name, jitted, function=jitted), np.zeros(1), False)
+    made = interpreted(of_user, function=given)
+    made.__name__ = name
+    return Dynamics(made, np.zeros(1), False)
