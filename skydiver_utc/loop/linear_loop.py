@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The package's UTC on a linear plant, to hold the theory against."""
 
 from collections.abc import Callable
@@ -5,9 +6,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.control.limits import ControlLimits
-from skydiver_utc.control.utc import UtcLaw
-from skydiver_utc.theory.linear_plant import LinearPlant, to_the_horizon
+from skydiver_utc.controllers.utc.settings import UtcSettings
+from skydiver_utc.controllers.utc.unscented_transform_controller import UnscentedTransformController
+from skydiver_utc.plants.linear import LinearModel, linear_outputs, linear_step
+from skydiver_utc.plants.protocol import Model, Plant
 from skydiver_utc.theory.stability import Stability
 
 Array = NDArray[np.float64]
@@ -18,7 +20,7 @@ _SHRUNK, _FEWEST_STEPS, _MOST_STEPS = 1e-8, 20, 20_000
 
 
 def fly_linear(
-    plant: LinearPlant,
+    plant: LinearModel,
     horizon_steps: int,
     Pu: Array,
     Qu: Array,
@@ -32,22 +34,22 @@ def fly_linear(
     `added` is the nonlinearity f(x) of x+ = A x + B u + f(x); the controller's model does not have it.
     """
     n, m = plant.B.shape
-    F, H = to_the_horizon(plant, horizon_steps)
-
-    def predict(
-        state: Array, applied: Array, points: Array, preview: Array, outputs: Array, saved: Array
-    ) -> None:
-        outputs[:] = F @ state + points @ H.T
-        saved[:] = points
-
-    law = UtcLaw(predict, _unlimited(m), P_err, _W0, covariance_floor=0.0)
-    law.reset(start[n:], Pu)
+    settings = UtcSettings(
+        horizon_steps=horizon_steps,
+        P_err=P_err.tolist(),
+        W0=_W0,
+        Pu=Pu.tolist(),
+        Qu=Qu.tolist(),
+        covariance_floor=0.0,
+    )
+    controller = UnscentedTransformController(settings, _Unlimited(plant))
+    controller.reset(start[n:], Pu)
     run = np.empty((steps + 1, n + m))
     run[0] = start
     wanted = np.zeros(len(plant.C))
     for k in range(steps):
         x = run[k, :n]
-        control = law.step(x, wanted, wanted, Qu).control
+        control = controller.step(x, wanted).control
         following = plant.A @ x + plant.B @ control
         run[k + 1, :n] = following if added is None else following + added(x)
         run[k + 1, n:] = control
@@ -56,25 +58,36 @@ def fly_linear(
 
 def updated_control(B: Array, Pu: Array, P_err: Array, W0: float, before: Array, wanted: Array) -> Array:
     """The control (m,) that one step of UTC moves `before` to, on y = B u without bounds, y wanted (l,)."""
-
-    def predict(
-        _state: Array, _applied: Array, points: Array, _preview: Array, outputs: Array, saved: Array
-    ) -> None:
-        outputs[:] = points @ B.T
-        saved[:] = points
-
-    law = UtcLaw(predict, _unlimited(len(before)), P_err, W0)
-    law.reset(before, Pu)
-    return law.step(np.zeros(1), np.zeros(1), wanted, np.zeros_like(Pu)).control
+    l = len(B)
+    settings = UtcSettings(horizon_steps=1, P_err=P_err.tolist(), W0=W0, Pu=Pu.tolist())
+    model = LinearModel(np.zeros((l, l)), np.ascontiguousarray(B), np.eye(l))
+    controller = UnscentedTransformController(settings, _Unlimited(model))
+    controller.reset(before, Pu)
+    return controller.step(np.zeros(l), wanted).control
 
 
-def _unlimited(m: int) -> ControlLimits:
-    far = np.full(m, np.inf)
-    return ControlLimits(-far, far, far)
+class _Unlimited(Plant):
+    """A linear plant without limits, from rest."""
+
+    def __init__(self, matrices: LinearModel) -> None:
+        n, m = matrices.B.shape
+        self.state_names, self.control_names = _names("x", n), _names("u", m)
+        self.output_names = _names("y", len(matrices.C))
+        self.maximum = self.rate = np.full(m, np.inf)
+        self.minimum, self.dt_s = -self.maximum, 1.0
+        self.model = Model(linear_step, linear_outputs, LinearModel(*map(np.ascontiguousarray, matrices)), n)
+
+    def initial_state(self) -> Array:
+        """At rest."""
+        return np.zeros(len(self.state_names))
+
+
+def _names(letter: str, count: int) -> tuple[str, ...]:
+    return tuple(f"{letter}{i}" for i in range(count))
 
 
 def distance_flown(
-    plant: LinearPlant,
+    plant: LinearModel,
     horizon_steps: int,
     Qu: Array,
     P_err: Array,
@@ -91,7 +104,7 @@ def distance_flown(
 
 
 def measured_decay(
-    plant: LinearPlant, horizon_steps: int, Qu: Array, P_err: Array, found: Stability
+    plant: LinearModel, horizon_steps: int, Qu: Array, P_err: Array, found: Stability
 ) -> float:
     """Factor per step of the distance from rest, flown in the slowest mode of a stable loop.
 

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a scenario to the objects in the slots of its closed loop."""
+
+from typing import Any
+
+from skydiver_utc.controllers.delay import DelayCompensation
+from skydiver_utc.controllers.protocol import Controller
+from skydiver_utc.disturbances.protocol import Disturbance
+from skydiver_utc.estimators.protocol import Estimator
+from skydiver_utc.parameters import ParameterError, Scenario
+from skydiver_utc.parameters.registry import factory
+from skydiver_utc.plants.protocol import Plant
+from skydiver_utc.references.protocol import Reference
+
+
+def build_plant(scenario: Scenario) -> Plant:
+    """The plant of a scenario. Raises `ParameterError`, like all of these functions."""
+    plant: Plant = _build("plant", scenario.plant, scenario.dt_s)
+    return plant
+
+
+def build_reference(scenario: Scenario) -> Reference:
+    """What the plant's outputs are to be."""
+    reference: Reference = _build("reference", scenario.reference, scenario.dt_s)
+    return reference
+
+
+def build_controller(
+    scenario: Scenario, plant: Plant, reference: Reference, delay_steps: int = 0
+) -> Controller:
+    """The controller, with the plant's model where it predicts.
+
+    Its commands act `delay_steps` later than they answer: it decides on the state predicted for then.
+    """
+    unknown = set(reference.outputs) - set(plant.output_names) - set(plant.control_names)
+    if unknown:
+        known = ", ".join(plant.output_names)
+        raise ParameterError(
+            f"the reference is for {', '.join(sorted(unknown))}: the plant has the outputs {known}"
+        )
+    controller: Controller = _build(
+        "controller", scenario.controller, plant, reference.outputs, scenario.dt_s, scenario.seed
+    )
+    return controller if delay_steps == 0 else DelayCompensation(controller, plant, delay_steps)
+
+
+def preview_steps(scenario: Scenario) -> int:
+    """`preview_steps` of the scenario's controller; where its settings or class tell them it is not built."""
+    of_settings = getattr(scenario.controller, "preview_steps", None)
+    if callable(of_settings):
+        return int(of_settings(scenario.dt_s))
+    of_class = getattr(factory("controller", scenario.controller.kind), "preview_steps", None)
+    if isinstance(of_class, int):
+        return of_class
+    return build_controller(scenario, build_plant(scenario), build_reference(scenario)).preview_steps
+
+
+def build_estimator(scenario: Scenario, plant: Plant) -> Estimator:
+    """What gives the controller its state."""
+    estimator: Estimator = _build("estimator", scenario.estimator, plant, scenario.dt_s)
+    return estimator
+
+
+def build_disturbances(scenario: Scenario, plant: Plant) -> tuple[Disturbance, ...]:
+    """What disturbs the plant, in the order of the scenario; each with a seed of its own."""
+    return tuple(
+        _build("disturbance", settings, plant, scenario.dt_s, (scenario.seed, i))
+        for i, settings in enumerate(scenario.disturbances)
+    )
+
+
+def _build(slot: str, settings: Any, *rest: object) -> Any:
+    kind = settings.kind
+    try:
+        return factory(slot, kind)(settings, *rest)
+    except ParameterError:
+        raise
+    except ValueError as error:
+        raise ParameterError(f"{slot} {kind}: {error}") from error

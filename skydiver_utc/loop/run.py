@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The result of a run, as arrays."""
+
+import operator
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.controllers.protocol import Status
+from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.parameters import Scenario
+from skydiver_utc.plants.protocol import Plant
+
+Array = NDArray[np.float64]
+_DELAY = "delay_steps"
+
+
+class ParameterChange(NamedTuple):
+    """From a step on a node works with these parameters, all that differ from those of its start, by dotted name.
+
+    A controller began there from `control` (m,); None: as at the start of a run. Its `delay_steps` is a parameter of
+    the node and not of the scenario.
+    """
+
+    node: str
+    step: int
+    parameters: Mapping[str, Any]
+    control: tuple[float, ...] | None
+
+    @property
+    def of_scenario(self) -> dict[str, Any]:
+        """The parameters that are the scenario's."""
+        return {name: value for name, value in self.parameters.items() if name != _DELAY}
+
+    @property
+    def delay_steps(self) -> int:
+        """By how many steps the controller predicted the state ahead; TypeError if that is no integer."""
+        return operator.index(self.parameters.get(_DELAY, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One closed-loop run of K steps; row i belongs to step k = first_step + i, time k dt.
+
+    first_step is 0 but for a recording that lacks the beginning.
+
+    states (K+1, n); commands (K, m) decided by the controller; applied (K, m) after the plant's own limits
+    reference (K+1, l) of the outputs (or controls) `tracked_names`
+    telemetry (K, t) by `telemetry_names`; of each controller call solve_time_s (K,) and status (K,), the number of
+    a `Status`; NaN where a recording lacks it
+    changes: parameters that were changed during the run; `scenario` is that of its start
+    """
+
+    scenario: Scenario
+    plant: Plant
+    states: Array
+    commands: Array
+    applied: Array
+    reference: Array
+    tracked_names: tuple[str, ...]
+    amplitude: Array
+    telemetry: Array
+    telemetry_names: tuple[str, ...]
+    solve_time_s: Array
+    status: Array
+    outcome: Outcome
+    reason: str
+    wall_time_s: float
+    changes: tuple[ParameterChange, ...] = ()
+    first_step: int = 0
+
+    @property
+    def time_s(self) -> Array:
+        """Time of each state, shape (K+1,)."""
+        steps: Array = self.first_step + np.arange(len(self.states), dtype=np.float64)
+        return self.scenario.dt_s * steps
+
+    def since(self, step: int) -> "Run":
+        """The same run without what lies before this step, one of its own."""
+        left_out = step - self.first_step
+        names = ("states", "commands", "applied", "reference", "telemetry", "solve_time_s", "status")
+        return replace(self, first_step=step, **{name: getattr(self, name)[left_out:] for name in names})
+
+    @cached_property
+    def outputs(self) -> Array:
+        """All outputs of the plant (K+1, L), by `plant.output_names`."""
+        return self.plant.outputs(self.states)
+
+    def output(self, name: str) -> Array:
+        """One output of the plant (K+1,)."""
+        return self.outputs[:, self.plant.output_names.index(name)]
+
+    @property
+    def tracks_outputs(self) -> bool:
+        """True where the reference is for outputs, False where it is for controls (open loop)."""
+        return set(self.tracked_names) <= set(self.plant.output_names)
+
+    @property
+    def error(self) -> Array | None:
+        """Tracked outputs less their reference (K+1, l); None for open loop."""
+        if not self.tracks_outputs:
+            return None
+        columns = [self.plant.output_names.index(name) for name in self.tracked_names]
+        difference: Array = self.outputs[:, columns] - self.reference
+        return difference
+
+    @property
+    def status_steps(self) -> dict[str, int]:
+        """Steps with each status, by its name in lower case."""
+        return {status.name.lower(): int(np.sum(self.status == status)) for status in Status}
