@@ -1,4 +1,5 @@
-"""How a node is: one diagnostic_msgs/DiagnosticStatus a second, with the CPU and memory it takes."""
+# SPDX-License-Identifier: Apache-2.0
+"""Health of a node: one diagnostic_msgs/DiagnosticStatus a second, with CPU and memory."""
 
 import resource
 import time
@@ -9,13 +10,11 @@ from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from skydiver_utc.nodes.stamps import StepGrid
-
 _RESIDENT = Path("/proc/self/statm")
 
 
 class Level(Enum):
-    """How bad it is."""
+    """Severity, as in DiagnosticStatus."""
 
     OK = DiagnosticStatus.OK
     WARN = DiagnosticStatus.WARN
@@ -23,7 +22,7 @@ class Level(Enum):
 
 
 class Health(NamedTuple):
-    """What a node says about itself: a level, one sentence, and values by name."""
+    """Health of a node: a level, one sentence, and values by name."""
 
     level: Level
     sentence: str
@@ -31,7 +30,7 @@ class Health(NamedTuple):
 
 
 class ProcessUsage:
-    """CPU of this process since the last reading, and its memory now."""
+    """CPU time of this process since the last call, and its memory now."""
 
     def __init__(self) -> None:
         self._read_at, self._cpu_s = time.monotonic(), _cpu_s()
@@ -45,7 +44,7 @@ class ProcessUsage:
 
 
 class Rate:
-    """Steps per second of the wall clock, from one reading to the next."""
+    """Steps per second of wall time, from one call to the next."""
 
     def __init__(self) -> None:
         self._read_at, self._step = time.monotonic(), 0
@@ -58,18 +57,16 @@ class Rate:
         return f"{rate_hz:.1f}"
 
 
-def diagnostic_message(grid: StepGrid, k: int, name: str, namespace: str, health: Health) -> Any:
-    """The message of one node, with the stamp of step k: bags and listeners live in simulated time."""
+def diagnostic_message(name: str, health: Health) -> Any:
+    """The message of one node, by its name with namespace; the stamp is the caller's."""
     status = DiagnosticStatus(
         level=health.level.value,
-        name=f"{namespace.strip('/')}/{name}",
+        name=name,
         message=health.sentence,
-        hardware_id=namespace.strip("/"),
+        hardware_id=name.rpartition("/")[0],
         values=[KeyValue(key=key, value=str(value)) for key, value in health.values.items()],
     )
-    message = DiagnosticArray(status=[status])
-    grid.set_stamp(message.header.stamp, max(0, k))
-    return message
+    return DiagnosticArray(status=[status])
 
 
 def memory_mb() -> float:

@@ -1,36 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
 """One node as a process: help, environment, signals, and errors as one sentence. rclpy is imported late."""
 
+import ctypes
 import gc
 import importlib
 import os
 import signal
+import struct
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
+from functools import partial
 from types import FrameType
-from typing import Any
 
-from skydiver_utc import discovery
-from skydiver_utc.nodes.exit_deadline import end_in_time
+from skydiver_utc.nodes import discovery
 from skydiver_utc.nodes.usage import usage
-from skydiver_utc.parameters import ParameterError
+from skydiver_utc.parameters.errors import ParameterError
 from skydiver_utc.recording.errors import RecordingError
 
+REFUSED = 2  # the exit code of a node that cannot take part
 _NODES = {
-    "plant": ("lockstep_plant", "PlantNode"),
-    "reference": ("preview_publisher", "ReferenceNode"),
-    "controller": ("lockstep_controller", "ControllerNode"),
-    "recorder": ("bag_recorder", "RecorderNode"),
-    "player": ("bag_player", "PlayerNode"),
+    "plant": "plant_node:PlantNode",
+    "reference": "reference_node:ReferenceNode",
+    "controller": "controller_node:ControllerNode",
+    "recorder": "recorder_node:RecorderNode",
+    "player": "player_node:PlayerNode",
 }
-_REFUSED = 2
-_LONGEST_GOODBYE_S = 5
+_LOOK_S = 1.5  # discovery takes this long, on a busy machine longer
+_WAIT_S = 0.05
+_LONGEST_END_S = 5
 
 
 class StopRequest:
-    """SIGINT or SIGTERM: interrupts the start, later only sets `requested`.
-
-    A further signal changes nothing, so that cleaning up is never cut short.
-    """
+    """SIGINT or SIGTERM: interrupts the start, later only sets `requested`; a further one changes nothing."""
 
     def __init__(self) -> None:
         self.requested = False
@@ -49,13 +51,16 @@ def run(kind: str, arguments: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv if arguments is None else arguments)
     try:
         if "--help" in arguments or "-h" in arguments:
-            _print(usage(kind))
+            print(usage(kind), flush=True)
             return 0
         discovery.prepare(os.environ)
         return _run(kind, arguments)
     except KeyboardInterrupt:
         return 0
-    except (ParameterError, RecordingError) as error:
+    except BrokenPipeError:  # whoever reads the help may close it early, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except ParameterError as error:
         return _refuse(kind, str(error))
     except ImportError as error:
         if "rcl" not in str(error) and "rmw" not in str(error):
@@ -63,63 +68,83 @@ def run(kind: str, arguments: Sequence[str] | None = None) -> int:
         return _refuse(kind, f"{error}: source a ROS 2 Jazzy environment, or install with the extra [ros]")
 
 
-def _print(text: str) -> None:
-    """On stdout; whoever reads it may close it early, as `head` does."""
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        # The interpreter flushes once more at its end.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
 def _refuse(kind: str, sentence: str) -> int:
     print(f"{kind}_node: {sentence}", file=sys.stderr)
-    return _REFUSED
-
-
-def _node_class(kind: str) -> Any:
-    module, name = _NODES[kind]
-    return getattr(importlib.import_module(f"skydiver_utc.nodes.{module}"), name)
+    return REFUSED
 
 
 def _run(kind: str, arguments: list[str]) -> int:
     import rclpy
+    import rclpy.logging
     from rclpy.executors import ExternalShutdownException
+    from rclpy.experimental import EventsExecutor
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import remove_ros_args
 
-    from skydiver_utc.nodes.direct_loop import DirectLoop
+    from skydiver_utc.nodes.lifecycle import RefusedError
 
     stop = StopRequest()
     try:
-        others = remove_ros_args(arguments)[1:]
-        if others:
+        if others := remove_ros_args(arguments)[1:]:
             raise ParameterError(
                 f"unknown argument {others[0]}: give parameters as --ros-args -p NAME:=VALUE"
             )
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         raise ParameterError(str(error).partition(", at /")[0]) from error
+    executor = EventsExecutor()
+    node = None
     try:
-        node = _node_class(kind)()
+        module, _, name = _NODES[kind].partition(":")
+        made_of = importlib.import_module(f"skydiver_utc.nodes.{module}")
+        if "numba" in sys.modules:  # else the node compiles nothing
+            from skydiver_utc.jit import on_first_compilation
+
+            on_first_compilation(rclpy.logging.get_logger(kind).info)
+        node = getattr(made_of, name)(look_s=_LOOK_S)
         stop.deferred = True
-        loop = DirectLoop(node)
-        # What is there by now stays. The collector would go through it in flight, for longer than a step.
+        # Objects made so far are permanent: collecting them during the run would take longer than a step.
         gc.collect()
         gc.freeze()
-        try:
+        executor.add_node(node)
+        with suppress(ExternalShutdownException):
             while not (node.finished or stop.requested):
-                loop.spin_once()
-        except ExternalShutdownException:
-            pass
+                executor.spin_once(timeout_sec=_WAIT_S)  # spin() would not end on SIGTERM
         code = int(node.close())
-        if node.refused:
-            code = _refuse(kind, node.refused)
-        end_in_time(code, _LONGEST_GOODBYE_S)
-        loop.shutdown()
-        return code
-    finally:
-        rclpy.try_shutdown()
-        # The interpreter gives signals back to the system before it ends: one that comes late would kill it then.
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
+        if sentence := getattr(node, "refused", ""):
+            code = _refuse(kind, sentence)
+    except KeyboardInterrupt:
+        code = 0
+    except (RefusedError, ParameterError, RecordingError) as error:
+        code = _refuse(kind, str(error))
+    _exit_within(_LONGEST_END_S, code)
+    executor.shutdown()
+    if node is not None:
+        node.destroy_node()
+    rclpy.try_shutdown()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def _exit_within(seconds: int, code: int) -> None:
+    """Let the C library end the process if it has not ended by then.
+
+    Fast DDS 2.14 can hang while a node ends and others come or go, with Python's lock held. An exit
+    without ending the node would leave its shared memory behind, 0.5 MB a process. macOS has no such timers.
+    """
+    libc = ctypes.CDLL(None)
+    if not hasattr(libc, "timer_create"):
+        return
+    exit_function = ctypes.cast(libc._exit, ctypes.c_void_p).value
+    # struct sigevent: value, signal, SIGEV_THREAD, function; struct itimerspec: interval, time to go
+    event = struct.pack("@Pii2P48x", code, 0, 2, exit_function, 0)
+    timer = ctypes.c_void_p()
+    if libc.timer_create(1, event, ctypes.byref(timer)) == 0:
+        libc.timer_settime(timer, 0, struct.pack("@4l", 0, 0, seconds, 0), None)
+
+
+# What the installed commands run: their help comes before rclpy is imported.
+plant_node, reference_node, controller_node, recorder_node, player_node = (
+    partial(run, kind) for kind in ("plant", "reference", "controller", "recorder", "player")
+)

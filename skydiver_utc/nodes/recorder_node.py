@@ -1,14 +1,328 @@
-"""`recorder_node`: the node of bag_recorder.py as a process."""
+# SPDX-License-Identifier: Apache-2.0
+"""The recorder as a node: every topic, byte for byte, into a rosbag2 folder at simulated time."""
 
+import json
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
+import yaml
+from rclpy.context import Context
+from std_msgs.msg import String
+
+from skydiver_utc.messages import MessageError
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.diagnostics import Health, Level
+from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.nodes.process import run
+from skydiver_utc.nodes.raw_subscription import RawMessage
+from skydiver_utc.nodes.recorder_inputs import RecorderInput
+from skydiver_utc.nodes.run_monitor import RunMonitor
+from skydiver_utc.nodes.topics import RECORDED, rosbag2_qos
+from skydiver_utc.nodes.versions import versions
+from skydiver_utc.parameters import to_yaml
+from skydiver_utc.parameters.exit_codes import FAILED
+from skydiver_utc.parameters.run_folder import SCENARIO_FILE, VERSIONS_FILE, new_run_folder
+from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.schemas import message_schema
+from skydiver_utc.recording.writer import BagWriter
+
+_POLL_S = 0.02
+_FLUSH_INTERVAL_S = 0.25  # a killed recorder loses this, the poll and the write: less than half a second
+_CHECK_S = 1.0  # of the publishers' types
+_WARNING_S = 5.0
+_QUIET_S = 0.1
+_OUTCOME_S = 1.0  # longest wait for the outcome when the recorder is stopped together with the plant
+_RETRANSMISSION_S = 10.0  # longest wait for lost messages: DDS offers them again every three seconds
+_SLOW_DISK_S = 2.0
+_QUEUE_LIMIT_BYTES = 256 * 1024**2  # some minutes of a run
+_MOST_WAITING_MESSAGES = 10_000
+
+
+_Received = list[tuple[RecorderInput, RawMessage]]
+
+
+class RecorderNode(ScenarioNode):
+    """Polls its subscriptions, writes the messages, and publishes `recorder/ready` when all needed topics have one.
+
+    It is `done` with the outcome of its run. A recording that fails, on a full disk, does not stop the run: the
+    messages are dropped, `failure` is the reason, and the exit code is 1.
+
+    Configured it has an open bag; active it records; inactive it drops messages and counts them in `not_recorded`.
+    """
+
+    KIND = topics.RECORDER
+
+    def __init__(
+        self,
+        context: Context | None = None,
+        overrides: Mapping[str, object] | None = None,
+        look_s: float = 0.0,
+    ) -> None:
+        super().__init__(context, overrides, look_s)
+        self.folder = Path()
+        self.failure = ""
+        self.not_recorded = 0
+        self._bag: BagWriter | None = None
+        self._inputs: list[RecorderInput] = []
+        self._waiting: _Received = []  # until the time of the run is known
+        self._run = self._new_run()
+        self._ready = self.advertise(topics.RECORDER_READY)
+        self._announced = True  # `recorder/ready`
+        self._disk_is_slow = False
+        self.every(_POLL_S, self._poll)
+        self.every(_CHECK_S, self._check_types)
+        self.every(_WARNING_S, self._warn_of_missing_publishers)
+        self.start_unless_managed()
+
+    def configure(self) -> None:
+        """Open a new bag, subscribe to every topic."""
+        self.folder = Path(self.settings.bag_folder or new_run_folder(Path("bags"), self.scenario.name))
+        self._run = self._new_run()
+        self._waiting.clear()
+        self.failure, self.not_recorded, self.done, self._disk_is_slow = "", 0, False, False
+        self._bag = BagWriter(self.folder, _FLUSH_INTERVAL_S, _QUEUE_LIMIT_BYTES)
+        try:
+            self._write_beside_bag(SCENARIO_FILE, to_yaml(self.scenario))
+            self._write_beside_bag(VERSIONS_FILE, json.dumps(versions(), indent=2) + "\n")
+        except RecordingError:
+            self._bag.close()
+            self._bag = None
+            raise
+        self._inputs = [RecorderInput(self, topic) for topic in RECORDED]
+        for each in self._inputs:
+            self._add_to_bag(each)
+        self.get_logger().info(f"recording into {self.folder}")
+
+    def activate(self) -> None:
+        """Record from now on, beginning with the latched messages."""
+        if self.not_recorded:
+            self._log_not_recorded()
+        latched = [(each, message) for each in self._inputs for message in each.latched]
+        for each in self._inputs:
+            each.latched.clear()
+        self._record(latched)
+        self._announced = False
+
+    def deactivate(self) -> None:
+        """Record the messages up to now, then drop what comes."""
+        self.drain()
+        self._announced = True
+
+    def cleanup(self) -> None:
+        """Close the bag."""
+        self._close_bag()
+
+    def shutdown(self) -> None:
+        """Close the bag, with all messages of a run that has ended."""
+        self._end_recording()
+
+    def newest_step(self) -> int:
+        """The step of the newest clock or state."""
+        newest_ns = self._run.newest_ns
+        return -1 if newest_ns is None else (newest_ns - self.grid.epoch_ns) // self.grid.dt_ns
+
+    def health(self) -> Health:
+        """The folder, and the messages recorded and not recorded."""
+        values = {"folder": self.folder, "recorded": self._count(), "not_recorded": self.not_recorded}
+        return Health(Level.ERROR if self.failure else Level.OK, self.failure or "recording", values)
+
+    def drain(self) -> int:
+        """Record every message since the last call; returns their number."""
+        received = self._take_all()
+        self._record(received)
+        self.done = self._run.ended
+        return len(received)
+
+    def close(self) -> int:
+        """Record the messages still on their way and close the bag."""
+        self._end_recording()
+        return super().close() or (FAILED if self.failure else 0)
+
+    def missing(self) -> list[str]:
+        """A sentence for each topic of which the bag lacks messages of a run that has ended."""
+        if not self._run.ended:
+            return []
+        states = self._run.expected_states(self.grid.dt_ns)
+        sentences = []
+        for each in self._inputs:
+            fewer = each.topic.fewer_than_states
+            if fewer is None or not (each.topic.needed or each.count):
+                continue
+            if each.count < states - fewer:
+                sentences.append(
+                    f"only {each.count} of {states - fewer} messages of {each.topic.name} were recorded"
+                )
+        return sentences
+
+    def _new_run(self) -> RunMonitor:
+        length_ns = self.scenario.steps * self.scenario.dt_ns
+        return RunMonitor(self.scenario.stamp_ns(0), length_ns, time.time_ns())
+
+    def _poll(self) -> None:
+        if self._bag is None:
+            return
+        for each in self._inputs:
+            if each.subscribe():
+                self._add_to_bag(each)
+        if not self.active:
+            self._drop_messages()
+            return
+        self.drain()
+        if not self._announced and not self._without_publisher():
+            self._announced = True
+            self._ready.publish(String(data=str(self.folder)))
+            self.get_logger().info("ready")
+        self._log_slow_disk(self._bag)
+
+    def _take_all(self) -> _Received:
+        """All waiting messages in the order of the table; taken in reverse: causes come with their effects."""
+        taken = [(each, list(each.take_all())) for each in reversed(self._inputs)]
+        return [(each, message) for each, messages in reversed(taken) for message in messages]
+
+    def _record(self, received: _Received) -> None:
+        """Write messages in the order of time; those before the first clock or state wait for its time."""
+        self._waiting.extend(pair for pair in received if self._is_of_run(*pair))
+        if self._run.newest_ns is None:
+            del self._waiting[:-_MOST_WAITING_MESSAGES]
+        else:
+            self._write_waiting()
+
+    def _is_of_run(self, of: RecorderInput, message: RawMessage) -> bool:
+        """False for an outcome from before this recording; other refused messages are recorded."""
+        try:
+            self._run.receive(of.topic, message)
+        except MessageError as error:
+            self.refusals.add(of.topic.name, error)
+            return error.kind != "earlier"
+        return True
+
+    def _write_waiting(self) -> None:
+        dated = [(self._log_time(each, message), each, message) for each, message in self._waiting]
+        self._waiting.clear()
+        if self.failure or self._bag is None:
+            return
+        try:
+            for log_time_ns, each, message in sorted(dated, key=lambda one: one[0]):
+                if self._bag.write(each.channel_id, message.cdr, log_time_ns, message.sent_at_ns):
+                    each.count += 1
+        except RecordingError as error:
+            self._fail(error)
+
+    def _log_time(self, of: RecorderInput, message: RawMessage) -> int:
+        try:
+            return self._run.log_time(of.topic, message.cdr)
+        except MessageError as error:
+            self.refusals.add(of.topic.name, error)
+            return self._run.newest_or_begin_ns
+
+    def _drop_messages(self) -> None:
+        for each in self._inputs:
+            messages = list(each.take_all())
+            each.latched.extend(messages)
+            self.not_recorded += 0 if each.topic.latched else len(messages)
+
+    def _end_recording(self) -> None:
+        try:
+            if self.active and self._bag is not None:
+                self._drain_the_rest()
+        finally:
+            self._close_bag()
+
+    def _drain_the_rest(self) -> None:
+        """Record the remaining messages: all of a run that has ended, else the outcome if it comes within a second."""
+        began = time.monotonic()
+        while True:
+            time.sleep(_QUIET_S)
+            quiet = self.drain() == 0
+            complete = self.failure or (not self._run.running and not self.missing())
+            longest_s = _OUTCOME_S if self._run.running else _RETRANSMISSION_S
+            if (quiet and complete) or time.monotonic() - began > longest_s:
+                return
+
+    def _close_bag(self) -> None:
+        """Close the bag, log the missing messages, unsubscribe."""
+        if self._bag is None:
+            return
+        self._write_waiting()
+        bag, self._bag = self._bag, None
+        try:
+            bag.close()
+        except RecordingError as error:
+            self._fail(error)
+        for sentence in self.missing():
+            self.get_logger().warning(sentence)
+        if self.not_recorded:
+            self._log_not_recorded()
+        if bag.dropped:
+            self.get_logger().error(f"the disk was too slow: {bag.dropped} messages are not in the bag")
+        if self.failure:
+            self.get_logger().error(self.failure)
+        else:
+            self.get_logger().info(f"recorded {self._count()} messages into {self.folder}")
+        for each in self._inputs:
+            each.destroy()
+        self._inputs = []
+
+    def _fail(self, error: RecordingError) -> None:
+        """Log the failure once; the run continues."""
+        if not self.failure:
+            self.failure = str(error)
+            self.get_logger().error(f"{self.failure} The run continues without a recording.")
+
+    def _count(self) -> int:
+        return sum(each.count for each in self._inputs)
+
+    def _log_not_recorded(self) -> None:
+        self.get_logger().warning(f"{self.not_recorded} messages were sent while this node was inactive")
+
+    def _log_slow_disk(self, bag: BagWriter) -> None:
+        slow = bag.behind_s > _SLOW_DISK_S and not self.failure
+        if slow and not self._disk_is_slow:
+            size = bag.waiting_bytes / 1024**2
+            self.get_logger().warning(
+                f"the disk is slow: no write for {bag.behind_s:.1f} s, {size:.1f} MB wait; the run continues"
+            )
+        elif self._disk_is_slow and bag.behind_s == 0.0:
+            self.get_logger().info("the disk has caught up")
+        self._disk_is_slow = slow or (self._disk_is_slow and bag.behind_s > 0.0)
+
+    def _add_to_bag(self, of: RecorderInput) -> None:
+        if of.subscription is None or self._bag is None or self.failure:
+            return
+        schema = message_schema(of.topic.type_name)
+        offered = yaml.safe_dump([rosbag2_qos(of.topic.qos)], sort_keys=False)
+        try:
+            of.channel_id = self._bag.add_topic(of.subscription.topic_name, *schema, offered)
+        except RecordingError as error:
+            self._fail(error)
+
+    def _without_publisher(self) -> list[str]:
+        """Names of the needed topics that nobody publishes."""
+        return [each.topic.name for each in self._inputs if each.topic.needed and not each.matched]
+
+    def _check_types(self) -> None:
+        for each in self._inputs:
+            for sentence in each.wrong_types():
+                self.get_logger().error(sentence)
+
+    def _warn_of_missing_publishers(self) -> None:
+        if self.active and not self._announced and (names := self._without_publisher()):
+            self.get_logger().warning(f"waiting for publishers of {', '.join(names)}")
+
+    def _write_beside_bag(self, name: str, text: str) -> None:
+        try:
+            (self.folder / name).write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise RecordingError(
+                f"{self.folder / name} cannot be written ({error.strerror}): make room"
+            ) from error
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node; returns the exit code."""
-    return run("recorder", arguments)
+    return run(topics.RECORDER, arguments)
 
 
 if __name__ == "__main__":

@@ -1,22 +1,16 @@
-"""Every topic of the system in one table: name, type, quality of service, who publishes, who listens."""
+# SPDX-License-Identifier: Apache-2.0
+"""Every topic in one table: name, type, quality of service, who publishes, who must be subscribed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
-from rclpy.duration import Duration
-from rclpy.qos import (
-    QoSDurabilityPolicy,
-    QoSHistoryPolicy,
-    QoSLivelinessPolicy,
-    QoSProfile,
-    QoSReliabilityPolicy,
-)
+from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Empty, String
+from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory
 
 NAMESPACE = "skydiver"
@@ -40,21 +34,15 @@ def _quality(depth: int, durability: QoSDurabilityPolicy) -> QoSProfile:
     )
 
 
-# The sender's history is what a listener that was held up can still get: more than two seconds of the fastest
-# lockstep seen. With a depth of 10 a recorder that stands still for half a second loses messages.
+# A subscriber that was blocked receives the publisher's history: more than two seconds of the fastest lockstep
+# measured. With a depth of 10 a recorder that blocks for half a second loses messages.
 EACH_STEP = _quality(5000, QoSDurabilityPolicy.VOLATILE)
 CHUNKS = _quality(20, QoSDurabilityPolicy.TRANSIENT_LOCAL)
-# For a listener to which only the newest counts: over a network that loses messages, a reliable one hears nothing
-# new until what was lost has been sent again.
-NEWEST = QoSProfile(depth=1000, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 LATCHED = _quality(1, QoSDurabilityPolicy.TRANSIENT_LOCAL)
-
-# A listener with a lease hears no publisher without one. So the lease is on topics of its own: on those of the
-# flight anybody may publish and listen with the default quality.
-LEASE_S = 0.4
-_LEASED = _quality(1, QoSDurabilityPolicy.VOLATILE)
-_LEASED.liveliness = QoSLivelinessPolicy.AUTOMATIC
-_LEASED.liveliness_lease_duration = Duration(seconds=LEASE_S)
+# For subscribers in real time: over a network that loses messages a reliable subscriber receives nothing new until
+# the lost messages have been retransmitted.
+NEWEST = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.BEST_EFFORT)
+EACH_AS_IT_COMES = QoSProfile(depth=1000, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +53,14 @@ class Topic:
     type: Any
     qos: QoSProfile
     publisher: str
-    listeners: tuple[str, ...] = ()  # nodes that must hear every message, from the first
-    fewer_than_states: int | None = None  # a flight of n states has n minus this; None: not one each step
+    subscribers: tuple[str, ...] = ()  # nodes that must get every message, from the first on
+    fewer_than_states: int | None = None  # a run of n states has n minus this; None: not one each step
     recorded: bool = True
+    needed: bool = False  # a recorder waits for its publisher
+
+    def of_type(self, message_type: Any) -> "Topic":
+        """The same topic with another type of message."""
+        return replace(self, type=message_type)
 
     @property
     def type_name(self) -> str:
@@ -76,33 +69,31 @@ class Topic:
 
     @property
     def latched(self) -> bool:
-        """True where a late listener still gets the newest message."""
+        """True where a late subscriber still gets the newest message."""
         return bool(self.qos.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL)
 
 
 SCENARIO = Topic("scenario", String, LATCHED, PLANT)
-CLOCK = Topic("/clock", Clock, EACH_STEP, PLANT, fewer_than_states=0)
-STATE = Topic("state", Odometry, EACH_STEP, PLANT, (CONTROLLER,), fewer_than_states=0)
-REFERENCE_PREVIEW = Topic("reference", JointTrajectory, CHUNKS, REFERENCE)
-SETPOINT = Topic("reference/setpoint", TwistStamped, EACH_STEP, REFERENCE, fewer_than_states=0)
-CHANGES = Topic("changes", String, EACH_STEP, EVERY_NODE)
-COMMAND = Topic("command", JointState, EACH_STEP, CONTROLLER, (PLANT,), fewer_than_states=1)
+CLOCK = Topic("/clock", Clock, EACH_STEP, PLANT, fewer_than_states=0, needed=True)
+STATE = Topic("state", Odometry, EACH_STEP, PLANT, (CONTROLLER,), fewer_than_states=0, needed=True)
+REFERENCE_PREVIEW = Topic("reference", JointTrajectory, CHUNKS, REFERENCE, needed=True)
+SETPOINT = Topic("reference/setpoint", JointState, EACH_STEP, REFERENCE, fewer_than_states=0)
+CHANGES = Topic("changes", String, EACH_STEP, CONTROLLER)
+COMMAND = Topic("command", JointState, EACH_STEP, CONTROLLER, (PLANT,), fewer_than_states=1, needed=True)
 TELEMETRY = Topic("controller/telemetry", JointState, EACH_STEP, CONTROLLER, fewer_than_states=1)
-APPLIED_COMMAND = Topic("applied_command", JointState, EACH_STEP, PLANT, fewer_than_states=1)
+APPLIED_COMMAND = Topic("applied_command", JointState, EACH_STEP, PLANT, fewer_than_states=1, needed=True)
 JOINT_STATES = Topic("joint_states", JointState, EACH_STEP, PLANT)
 DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, EACH_STEP, EVERY_NODE)
 OUTCOME = Topic("outcome", String, LATCHED, PLANT)
 RECORDER_READY = Topic("recorder/ready", String, LATCHED, RECORDER, recorded=False)
-ROLL_CALL = Topic("roll_call", String, CHUNKS, EVERY_NODE, recorded=False)
-# Several plants speak there: with a depth of 1 the word of one replaces that of another before it is heard.
-CLOCK_SOURCE = Topic("/clock/source", String, CHUNKS, PLANT, recorded=False)
-CLOCK_AWAITED = Topic("/clock/awaited", String, CHUNKS, PLANT, recorded=False)
+STICK = Topic("stick", TwistStamped, EACH_AS_IT_COMES, "a stick")
 
 # In causal order within one step: messages of one instant are recorded in this order.
 TOPICS = (
     SCENARIO,
     CLOCK,
     STATE,
+    STICK,
     REFERENCE_PREVIEW,
     SETPOINT,
     CHANGES,
@@ -113,16 +104,11 @@ TOPICS = (
     DIAGNOSTICS,
     OUTCOME,
     RECORDER_READY,
-    ROLL_CALL,
-    CLOCK_SOURCE,
-    CLOCK_AWAITED,
 )
-# By the kind of node whose process it stands for; nothing is sent on them.
-ALIVE = {
-    kind: Topic(f"alive/{kind}", Empty, _LEASED, kind, recorded=False)
-    for kind in (PLANT, REFERENCE, CONTROLLER, RECORDER)
-}
 RECORDED = tuple(topic for topic in TOPICS if topic.recorded)
+
+STATE_TYPES = {"odometry": Odometry, "joint_state": JointState}  # by `Plant.state_message`
+COMMAND_TYPES = {"joint_state": JointState, "float64_multi_array": Float64MultiArray, "twist": Twist}
 
 
 def rosbag2_qos(qos: QoSProfile) -> dict[str, object]:
@@ -130,7 +116,7 @@ def rosbag2_qos(qos: QoSProfile) -> dict[str, object]:
     return {
         "history": "keep_last",
         "depth": qos.depth,
-        "reliability": "reliable",
+        "reliability": qos.reliability.name.lower(),
         "durability": qos.durability.name.lower(),
         "deadline": dict(_FOREVER),
         "lifespan": dict(_FOREVER),

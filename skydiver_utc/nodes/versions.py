@@ -1,15 +1,16 @@
-"""What a run was made with, for `versions.json` beside its bag."""
+# SPDX-License-Identifier: Apache-2.0
+"""Versions of the software of a run, for `versions.json` beside its bag."""
 
 import platform
 from importlib import metadata
 
 import rclpy
 
-_PACKAGES = ("skydiver_utc", "numpy", "numba", "llvmlite", "msgspec", "PyYAML", "mcap", "rclpy")
+_PACKAGES = ("skydiver_utc", "numpy", "numba", "llvmlite", "pydantic", "PyYAML", "mcap", "rclpy")
 
 
 def versions() -> dict[str, str]:
-    """Versions by name; a package that is used from a checkout is "not installed"."""
+    """Versions by name; a package used from a checkout is "not installed"."""
     found = {name: _version(name) for name in _PACKAGES}
     return {
         "python": platform.python_version(),

@@ -1,8 +1,5 @@
-"""A managed node (ROS 2 lifecycle): what a transition does is a method, what goes wrong in it one sentence.
-
-rclpy's executor looks at every service of a node each time that it waits. Services are called by people, now and
-then: here a timer serves them, so that they cost a flight nothing.
-"""
+# SPDX-License-Identifier: Apache-2.0
+"""A ROS 2 lifecycle node: a transition is a method, and an error in it is one sentence."""
 
 import traceback
 from collections.abc import Callable
@@ -14,52 +11,47 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNodeMixin
 from rclpy.lifecycle.managed_entity import TransitionCallbackReturn
 from rclpy.node import Node
-from rclpy.service import Service
 from rclpy.timer import Timer
 
-from skydiver_utc.nodes.polled import Polled
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.recording.errors import RecordingError
 
-_SERVICE_PERIOD_S = 0.1
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
 
 
-class TransitionError(ValueError):
-    """A transition makes no sense now; one sentence that says why and what to do."""
+class RefusedError(ValueError):
+    """The node cannot do this now; one sentence that says why and what to do."""
 
 
 class ManagedNode(LifecycleNodeMixin, Node):
     """Subclasses say what `configure`, `activate`, `deactivate`, `cleanup` and `shutdown` do.
 
-    Where one raises `TransitionError`, `ParameterError` or `RecordingError` the node stays in the state that it was
-    in, and says the sentence. Any other error is one of the program: it is logged and finalizes the node.
+    Where one raises `RefusedError`, `ParameterError` or `RecordingError` the node stays in its state and logs the
+    sentence. Any other error is one of the program: it is logged and finalizes the node.
     """
 
     def __init__(self, name: str, namespace: str, context: Context | None) -> None:
         self.active = False
         self.shut_down = False
         self.last_transition = ""
-        self._trouble: Exception | None = None
+        self._error: Exception | None = None
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         Node.__init__(self, name, namespace=namespace, context=context)
-        served = Polled()
-        LifecycleNodeMixin.__init__(self, callback_group=served)
+        LifecycleNodeMixin.__init__(self)
         for service in self.services:
-            service.callback_group = served
-        self.every(_SERVICE_PERIOD_S, self._serve_requests)
+            service.callback = self._guarded(service.srv_name, service.callback)
 
     def configure(self) -> None:
-        """Make ready what activity needs."""
+        """Prepare for `activate`."""
 
     def activate(self) -> None:
-        """Begin to work, or go on."""
+        """Begin to work, or continue."""
 
     def deactivate(self) -> None:
-        """Stop working, and keep what going on needs."""
+        """Stop working; `activate` continues from here."""
 
     def cleanup(self) -> None:
-        """Forget what was configured."""
+        """Undo `configure`."""
 
     def shutdown(self) -> None:
         """End in order, from any state."""
@@ -74,12 +66,12 @@ class ManagedNode(LifecycleNodeMixin, Node):
         return self.create_timer(period_s, callback, clock=self._steady_clock)
 
     def start(self) -> None:
-        """Configure and activate; what goes wrong is raised, and nothing is left of the node."""
+        """Configure and activate; an error destroys the node and is raised."""
         for trigger in (self.trigger_configure, self.trigger_activate):
             if trigger() != TransitionCallbackReturn.SUCCESS:
                 self.destroy_node()
-                assert self._trouble is not None
-                raise self._trouble
+                assert self._error is not None
+                raise self._error
 
     def destroy_node(self) -> None:
         """As any node; rclpy forgets the state machine, which would keep the node alive."""
@@ -116,37 +108,28 @@ class ManagedNode(LifecycleNodeMixin, Node):
     def _carry_out(self, transition: str, action: Callable[[], None], active_then: bool) -> Any:
         try:
             action()
-        except (TransitionError, ParameterError, RecordingError) as error:
-            self._trouble = error
+        except (RefusedError, ParameterError, RecordingError) as error:
+            self._error = error
             self.last_transition = f"{transition} refused: {error}"
             self.get_logger().error(f"cannot {transition}: {error}")
             return TransitionCallbackReturn.FAILURE
         except Exception as error:
             # rclpy would go on without a word.
-            self._trouble = error
+            self._error = error
             self.last_transition = f"{transition} failed: {error!r}"
             self.get_logger().fatal(f"{self.last_transition}\n{traceback.format_exc()}")
             raise
         self.active, self.last_transition = active_then, transition
         return TransitionCallbackReturn.SUCCESS
 
-    def _serve_requests(self) -> None:
-        for service in list(self.services):
-            while (taken := _take_request(service))[1] is not None:
-                request, header = taken
-                service.send_response(self._answer(service, request), header)
+    def _guarded(self, name: str, callback: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+        """Answer a request that makes no sense with an empty response, where rclpy would end the process."""
 
-    def _answer(self, service: Service, request: Any) -> Any:
-        """The response to a request; to one that makes no sense, an empty one."""
-        try:
-            return service.callback(request, service.srv_type.Response())
-        except (rclpy_implementation.RCLError, ValueError, TypeError) as error:
-            sentence = str(error).partition(", at ")[0]
-            self.get_logger().warning(f"refused a request on {service.srv_name}: {sentence}")
-            return service.srv_type.Response()
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return callback(request, response)
+            except (rclpy_implementation.RCLError, ValueError, TypeError) as error:
+                self.get_logger().warning(f"refused a request on {name}: {str(error).partition(', at ')[0]}")
+                return response
 
-
-def _take_request(service: Service) -> Any:
-    """A request and its header, (None, None) without one."""
-    with service.handle:
-        return service.handle.service_take_request(service.srv_type.Request)
+        return answer

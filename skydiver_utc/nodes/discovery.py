@@ -1,4 +1,5 @@
-"""Where nodes look for each other: on this machine, unless the environment opens the network to them."""
+# SPDX-License-Identifier: Apache-2.0
+"""The discovery range of the nodes: this machine, unless the environment sets another one."""
 
 from collections.abc import MutableMapping
 
@@ -12,10 +13,10 @@ _RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
 
 
 def prepare(environment: MutableMapping[str, str]) -> None:
-    """Complete the environment that nodes start in; what it says already stands.
+    """Complete the environment of the nodes; variables that are set remain.
 
-    Discovery is LOCALHOST. The profile `config/network/fastdds.xml` lets lost messages be repaired within
-    milliseconds, and a node that comes late hear at once. A range that ROS does not know raises `ParameterError`.
+    Discovery is LOCALHOST. With the profile `config/network/fastdds.xml` lost messages are retransmitted within
+    milliseconds, and a late subscriber matches at once. A range unknown to ROS raises `ParameterError`.
     """
     chosen = environment.setdefault(RANGE, "LOCALHOST")
     if chosen not in _RANGES:

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A rigid body's state (13,) in a nav_msgs/Odometry: pose in the world, twist in the body's axes."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.messages.errors import MessageError, refuse_non_finite
+
+Vector = NDArray[np.float64]
+
+# position [m], quaternion x y z w (body to world), velocity [m/s] and rates [rad/s] in body axes
+POSE_TWIST_NAMES = ("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "wx", "wy", "wz")
+# An integrated unit quaternion differs from length 1 by rounding only and is kept to the bit; a vehicle's own
+# may be rounded and is normalised.
+_ROUNDING, _LARGEST_ERROR = 1e-6, 1e-3
+
+
+def fill_odometry(message: Any, state: Vector) -> Any:
+    """Write a state (13,); returns the message."""
+    pose, twist = message.pose.pose, message.twist.twist
+    position, quaternion, linear, angular = pose.position, pose.orientation, twist.linear, twist.angular
+    position.x, position.y, position.z = state[0:3].tolist()
+    quaternion.x, quaternion.y, quaternion.z, quaternion.w = state[3:7].tolist()
+    linear.x, linear.y, linear.z = state[7:10].tolist()
+    angular.x, angular.y, angular.z = state[10:13].tolist()
+    return message
+
+
+def read_odometry(message: Any, frames: tuple[str, str] | None = None) -> Vector:
+    """The state (13,); the message must be in these frames (world, body) where they are given."""
+    found = (message.header.frame_id, message.child_frame_id)
+    if frames is not None and found != frames:
+        raise MessageError("frame", f"its frames are {found}: they must be {frames}")
+    p, q = message.pose.pose.position, message.pose.pose.orientation
+    v, w = message.twist.twist.linear, message.twist.twist.angular
+    state = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w, v.x, v.y, v.z, w.x, w.y, w.z])
+    refuse_non_finite(state, POSE_TWIST_NAMES)
+    length = math.hypot(*state[3:7])
+    if abs(length - 1.0) > _LARGEST_ERROR:
+        raise MessageError("quaternion", f"its quaternion has length {length:.9g}: it must have length 1")
+    if abs(length - 1.0) > _ROUNDING:
+        state[3:7] /= length
+    return state

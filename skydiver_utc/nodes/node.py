@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What all nodes share: settings and scenario, topics from the table, refused messages counted, diagnostics."""
+
+import time
+import uuid
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
+
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.context import Context
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+
+from skydiver_utc.messages import MessageError, Refusals, StepGrid
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.diagnostics import Health, Level, ProcessUsage, diagnostic_message
+from skydiver_utc.nodes.lifecycle import ACTIVE, UNCONFIGURED, ManagedNode
+from skydiver_utc.nodes.topics import NAMESPACE, Topic
+from skydiver_utc.parameters import ParameterError
+from skydiver_utc.parameters.nodes import resolve, scalars
+
+_DIAGNOSTICS_PERIOD_S = 1.0
+_NEW_S = 10.0  # how long a node looks for another one of its kind; discovery takes up to 3 s
+
+
+class ScenarioNode(ManagedNode):
+    """A node of a scenario; `overrides` adds to the parameters given on the command line.
+
+    `done`: its work is done. `refused`: a sentence on another node of its kind. `finished`: its process ends, because
+    it is done with `autostart`, shut down or refused. `look_s`: how long a plant looks for another plant before it
+    begins; `main` sets it.
+    """
+
+    KIND: ClassVar[str]
+    MAIN: ClassVar[Any] = None  # the topic of which a namespace has one publisher; None: any number
+
+    def __init__(
+        self,
+        context: Context | None = None,
+        overrides: Mapping[str, object] | None = None,
+        look_s: float = 0.0,
+    ) -> None:
+        super().__init__(self.KIND, NAMESPACE, context)
+        try:
+            resolved = resolve(self.KIND, self._given_parameters() | dict(overrides or {}))
+        except ParameterError:
+            self.destroy_node()
+            raise
+        self.settings: Any = resolved.settings
+        self.scenario = resolved.scenario
+        self.grid = StepGrid(self.scenario.stamp_ns(0), self.scenario.dt_ns)
+        self.refusals = Refusals(self.get_logger().warning)
+        self.done = False
+        self.refused = ""
+        self.look_s = look_s
+        self._id, self._started_at = uuid.uuid4().hex, time.monotonic()
+        self._advertised: dict[Topic, Publisher] = {}
+        self._usage = ProcessUsage()
+        self._diagnostics = self._publisher(topics.DIAGNOSTICS)
+        self._heartbeats = (
+            None if self.MAIN is None else self.subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
+        )
+        self.every(_DIAGNOSTICS_PERIOD_S, self.publish_diagnostics)
+        for name, value in scalars(resolved.settings, self.scenario).items():
+            if value == []:  # rclpy has no type for it
+                continue
+            fixed = ParameterDescriptor(read_only=not self.is_live(name))
+            self.declare_parameter(name, value, fixed, ignore_override=True)
+        changes = ", ".join(f"{name} = {value}" for name, value in resolved.changes.items())
+        self.get_logger().info(f"scenario {self.scenario.name}" + (f" with {changes}" if changes else ""))
+
+    def is_live(self, name: str) -> bool:
+        """True for a parameter that can be set while the node runs."""
+        return False
+
+    def set_parameters_atomically(self, parameter_list: list[Any]) -> SetParametersResult:
+        """Set all or none; called by rclpy for each request, whose own sentence names no unknown parameter."""
+        for parameter in parameter_list:
+            if not self.has_parameter(parameter.name):
+                reason = f"there is no parameter {parameter.name}"
+                return SetParametersResult(successful=False, reason=reason)
+        return super().set_parameters_atomically(parameter_list)
+
+    def log_building(self) -> None:
+        """Tell once why nothing may happen for a while."""
+        self.get_logger().info("building")
+
+    def start_unless_managed(self) -> None:
+        """The end of a subclass's constructor: become active at once where nobody else sees to that."""
+        if self.settings.autostart:
+            self.start()
+
+    @property
+    def finished(self) -> bool:
+        """True when the process may end."""
+        return bool(self.refused) or self.shut_down or (self.done and bool(self.settings.autostart))
+
+    @property
+    def is_new(self) -> bool:
+        """True while another node of this kind may not have been discovered yet."""
+        return self._age_s < self.look_s
+
+    def refuse(self, sentence: str) -> None:
+        """Take no part, or no longer: the process ends with this sentence."""
+        self.refused = self.refused or sentence
+
+    def close(self) -> int:
+        """Log the refused messages and return the exit code; the node can still publish."""
+        if self.refusals.counts:
+            self.get_logger().warning(f"messages refused or ignored: {self.refusals.summary()}")
+        return 0
+
+    def newest_step(self) -> int:
+        """The newest step that this node knows of, -1 before the first."""
+        return -1
+
+    def health(self) -> Health:
+        """Level, sentence and values; refusals, CPU and memory are added."""
+        return Health(Level.OK, "running", {})
+
+    def publish_diagnostics(self) -> None:
+        """Publish the health of the node: the heartbeat."""
+        self._look_for_second()
+        lifecycle, k = self.lifecycle, self.newest_step()
+        health = Health(Level.OK, lifecycle, {}) if lifecycle == UNCONFIGURED else self.health()
+        if lifecycle not in (UNCONFIGURED, ACTIVE) and not self.done:
+            health = health._replace(level=Level.OK, sentence=f"{lifecycle}, newest step {k}")
+        values = {
+            "id": self._id,
+            "age_s": self._age_s,
+            "lifecycle": lifecycle,
+            "last_transition": self.last_transition,
+            **health.values,
+        }
+        values |= {f"refused_{kind}": count for kind, count in sorted(self.refusals.counts.items())}
+        values |= {"last_refusal": self.refusals.last, **self._usage.read()}
+        message = diagnostic_message(self._full_name, health._replace(values=values))
+        self.grid.set_stamp(message.header.stamp, max(0, k))
+        self._diagnostics.publish(message)
+
+    def advertise(self, topic: Topic) -> Publisher:
+        """A publisher as the table of topics says: its subscribers are waited for (`unmatched`)."""
+        self._advertised[topic] = self._publisher(topic)
+        return self._advertised[topic]
+
+    def subscribe(
+        self, topic: Topic, receive: Callable[[Any], None], qos: QoSProfile | None = None
+    ) -> Subscription:
+        """A subscription as the table of topics says, or with another quality of service.
+
+        A message for which `receive` raises `MessageError` is counted as refused.
+        """
+
+        def callback(message: Any) -> None:
+            try:
+                receive(message)
+            except MessageError as error:
+                self.refusals.add(topic.name, error)
+
+        return self.create_subscription(topic.type, topic.name, callback, topic.qos if qos is None else qos)
+
+    def unmatched(self) -> list[str]:
+        """Names of own topics that lack a subscriber of the table, or a recorder that is waited for."""
+        recorders = int(getattr(self.settings, "wait_for_recorder", False))
+        return [
+            topic.name
+            for topic, publisher in self._advertised.items()
+            if publisher.get_subscription_count() < len(topic.subscribers) + recorders * topic.recorded
+        ]
+
+    @property
+    def _full_name(self) -> str:
+        return f"{self.get_namespace().strip('/')}/{self.get_name()}"
+
+    def _publisher(self, topic: Topic) -> Publisher:
+        return self.create_publisher(topic.type, topic.name, topic.qos)
+
+    @property
+    def _age_s(self) -> float:
+        return time.monotonic() - self._started_at
+
+    def _on_diagnostics(self, message: Any) -> None:
+        """End where an older node of this name and namespace is running.
+
+        The publishers of a process that was killed stay in the graph for a while; diagnostics show which nodes run.
+        """
+        for status in message.status:
+            if status.name != self._full_name:
+                continue
+            values = {pair.key: pair.value for pair in status.values}
+            if values["id"] != self._id and (float(values["age_s"]), values["id"]) > (self._age_s, self._id):
+                self._refuse_for(self._full_name)
+
+    def _refuse_for(self, other: str) -> None:
+        topic = self.resolve_topic_name(self.MAIN.name)
+        self.refuse(
+            f"the node {other} publishes {topic} already: end it first, or give this node another namespace"
+        )
+
+    def _look_for_second(self) -> None:
+        """While this node is new: end where a node of another name publishes its main topic.
+
+        One that comes when this node has begun to work is the second one.
+        """
+        if self._heartbeats is None:
+            return
+        topic = self.resolve_topic_name(self.MAIN.name)
+        own = (self.get_name(), "_NODE_NAME_UNKNOWN_")
+        for other in self.get_publishers_info_by_topic(topic):
+            if self.newest_step() < 0 and other.node_name not in own:
+                self._refuse_for(other.node_name)
+        if self._age_s > _NEW_S:
+            self.destroy_subscription(self._heartbeats)
+            self._heartbeats = None
+
+    def _given_parameters(self) -> dict[str, Any]:
+        """Parameters from the command line and its files, also those that nobody declares."""
+        with self.handle:
+            given = self.handle.get_parameters(Parameter)
+        return {name: parameter.value for name, parameter in given.items()}

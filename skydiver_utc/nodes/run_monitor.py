@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The run of a recording: the log time of each message, the run's id, and its outcome."""
+
+from typing import Any
+
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.serialization import deserialize_message
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+
+from skydiver_utc.messages import MessageError
+from skydiver_utc.messages.texts import read_outcome, run_id_of
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.raw_subscription import RawMessage
+from skydiver_utc.nodes.topics import Topic
+from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.stamps import leading_stamp_ns
+
+
+class RunMonitor:
+    """The state of a run, from its messages; `newest_ns`: time of the newest clock or state, None before the first.
+
+    Simulated time lies in the scenario's range, epoch to epoch + length. The first stamp of a vehicle lies outside:
+    then the range begins with it.
+    """
+
+    def __init__(self, epoch_ns: int, length_ns: int, started_at_ns: int) -> None:
+        self.newest_ns: int | None = None
+        self.ended = False
+        self._states = 0  # of the whole run, from its outcome
+        self._begin_ns, self._length_ns, self._started_at_ns = epoch_ns, length_ns, started_at_ns
+        self._first_state_ns: int | None = None
+        self._run_id = ""
+
+    @property
+    def running(self) -> bool:
+        """True between the first state and the outcome."""
+        return self._first_state_ns is not None and not self.ended
+
+    def steps_before_recording(self, dt_ns: int) -> int:
+        """Steps of the run before its first recorded state."""
+        return 0 if self._first_state_ns is None else (self._first_state_ns - self._begin_ns) // dt_ns
+
+    def expected_states(self, dt_ns: int) -> int:
+        """States of an ended run from the first recorded one on."""
+        return self._states - self.steps_before_recording(dt_ns)
+
+    def receive(self, topic: Topic, message: RawMessage) -> None:
+        """Learn the time, the id and the outcome; `MessageError` for a message that is not of this run."""
+        if topic.name in (topics.CLOCK.name, topics.STATE.name):
+            self._receive_time(topic, message.cdr)
+        elif topic.name == topics.SCENARIO.name:
+            self._run_id = run_id_of(_text(message))
+        elif topic.name == topics.OUTCOME.name:
+            self._receive_outcome(message)
+
+    def log_time(self, topic: Topic, cdr: bytes) -> int:
+        """The message's stamp; without one, the newest time. `MessageError` where the stamp is not of this run."""
+        if not _has_stamp(topic.type):
+            return self.newest_or_begin_ns
+        try:
+            stamp_ns = leading_stamp_ns(cdr)
+        except RecordingError as error:
+            raise MessageError("stamp", str(error)) from error
+        if not self._begin_ns <= stamp_ns <= self._begin_ns + self._length_ns:
+            raise MessageError("stamp", "its stamp is outside of the run, it is recorded at the newest time")
+        return stamp_ns
+
+    @property
+    def newest_or_begin_ns(self) -> int:
+        """The newest time, before the run its begin."""
+        return self._begin_ns if self.newest_ns is None else self.newest_ns
+
+    def _receive_time(self, topic: Topic, cdr: bytes) -> None:
+        try:
+            stamp_ns = leading_stamp_ns(cdr)
+            if self.newest_ns is None and stamp_ns > self._begin_ns + self._length_ns:
+                self._begin_ns = stamp_ns
+            stamp_ns = self.log_time(topic, cdr)
+        except (RecordingError, MessageError):  # refused by `log_time` when it is written
+            return
+        self.newest_ns = max(self.newest_or_begin_ns, stamp_ns)
+        if self._first_state_ns is None and topic.name == topics.STATE.name:
+            self._first_state_ns = stamp_ns
+
+    def _receive_outcome(self, message: RawMessage) -> None:
+        if message.sent_at_ns < self._started_at_ns:
+            raise MessageError("earlier", "it was sent before this recording began")
+        outcome = read_outcome(_text(message))
+        if outcome["run_id"] != self._run_id:
+            raise MessageError(
+                "run", f"it is of the run {outcome['run_id']}, this is {self._run_id or 'none'}"
+            )
+        self.ended, self._states = True, outcome["states"]
+
+
+def _has_stamp(message_type: Any) -> bool:
+    return message_type is Clock or "header" in message_type.get_fields_and_field_types()
+
+
+def _text(message: RawMessage) -> str:
+    try:
+        return str(deserialize_message(message.cdr, String).data)
+    except rclpy_implementation.RMWError as error:
+        raise MessageError("bytes", "its bytes are no text") from error
