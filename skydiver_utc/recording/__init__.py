@@ -1,6 +1,6 @@
-"""Recordings as rosbag2 bags in MCAP: bytes in, bytes out, no ROS needed.
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings as rosbag2 bags in MCAP: serialized messages in, serialized messages out; no ROS needed.
 
-`writer` stores serialized messages, `schemas` finds the definitions that make a bag explain itself,
-`stamps` reads the stamp of a serialized message and `reader` gives the messages back. Import from the
-modules: a recorder then does not pay for loading the reader's libraries.
+`writer` writes bags, `reader` reads them, `recovery` repairs them, `playback` schedules a replay.
+Import from the modules: a recorder does not need the libraries of the reader.
 """

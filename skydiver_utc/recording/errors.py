@@ -1,5 +1,6 @@
+# SPDX-License-Identifier: Apache-2.0
 """The one error of this package."""
 
 
 class RecordingError(Exception):
-    """A bag cannot be written or read; the text is one sentence that names the thing and says what to do."""
+    """A bag cannot be written or read; the text is one sentence: what is wrong and what to do."""

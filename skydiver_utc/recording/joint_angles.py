@@ -1,4 +1,5 @@
-"""Joint angles over time: of a recorded flight, or measured elsewhere and written as CSV."""
+# SPDX-License-Identifier: Apache-2.0
+"""Joint angles over time, from a recording or from a CSV file of measurements."""
 
 import csv
 import difflib
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.parameters.nanoseconds import seconds, stamp_ns
 from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.reader import read_bag
@@ -22,7 +24,7 @@ _LARGEST_DEG = 180.0
 
 @dataclass(frozen=True, eq=False)
 class JointAngles:
-    """Postures over time: time_s (n,) rising, names of m joint angles, values (n, m) [rad]."""
+    """Joint angles over time: time_s (n,) rising, m names, values (n, m) [rad]."""
 
     time_s: NDArray[np.float64]
     names: tuple[str, ...]
@@ -30,14 +32,14 @@ class JointAngles:
 
 
 def read_joint_angles(path: Path, known: Sequence[str]) -> JointAngles:
-    """The postures in a run folder, a bag, an .mcap file or a CSV file; `known` are the names of joint angles."""
+    """Read a run folder, a bag, an .mcap file or a CSV file; `known` are the names of the joint angles."""
     if path.suffix.lower() == ".csv":
         return _from_csv(path, known)
     return _from_bag(path, known)
 
 
 def _from_bag(path: Path, known: Sequence[str]) -> JointAngles:
-    """Of a message sent twice the first counts; time is simulated time from the first message on."""
+    """The first message of each stamp; time begins with the first message."""
     by_stamp: dict[int, Sequence[float]] = {}
     topic = f"{namespace_of(read_bag(path), _TOPIC)}/{_TOPIC}"
     for message in read_bag(path, [topic])[topic].messages:
@@ -46,23 +48,22 @@ def _from_bag(path: Path, known: Sequence[str]) -> JointAngles:
                 f"{topic} in {path} does not hold the {len(known)} joint angles of this version: record the flight"
                 " again"
             )
-        stamp = message.header.stamp
-        by_stamp.setdefault(stamp.sec * 1_000_000_000 + stamp.nanosec, message.position)
+        by_stamp.setdefault(stamp_ns(message.header.stamp), message.position)
     stamps = sorted(by_stamp)
     return JointAngles(
-        time_s=np.array([(stamp - stamps[0]) * 1e-9 for stamp in stamps]),
+        time_s=np.array([seconds(stamp - stamps[0]) for stamp in stamps]),
         names=tuple(known),
         values=np.array([by_stamp[stamp] for stamp in stamps], dtype=float),
     )
 
 
 def _from_csv(path: Path, known: Sequence[str]) -> JointAngles:
-    """`time_s` and joint angles in degrees, any of the known, each with or without the ending _deg."""
+    """Columns: `time_s`, then any of the known joint angles in degrees, with or without the ending _deg."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             lines = [(number, row) for number, row in enumerate(csv.reader(stream, strict=True), 1) if row]
     except (UnicodeDecodeError, csv.Error) as error:
-        raise RecordingError(f"{path} is no CSV file of UTF-8 text ({error}): save it as one") from error
+        raise RecordingError(f"{path} is no CSV file in UTF-8 ({error}): save it as one") from error
     if len(lines) < 3:
         raise RecordingError(f"{path} has fewer than two postures: write a header and a line for each time")
     header = [cell.strip() for cell in lines[0][1]]
@@ -72,14 +73,14 @@ def _from_csv(path: Path, known: Sequence[str]) -> JointAngles:
     for (number, _), before, after in zip(lines[2:], time_s, time_s[1:], strict=False):
         if after <= before:
             raise RecordingError(
-                f"{path} line {number}, column {_TIME}: {after:g} does not come after {before:g}; let time rise"
-                " from line to line"
+                f"{path} line {number}, column {_TIME}: {after:g} is not above {before:g}; sort the"
+                " lines by time"
             )
     return JointAngles(time_s, names, np.deg2rad(table[:, 1:]))
 
 
 def _names(path: Path, header: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
-    """Names of the columns after the first, as in `known`."""
+    """Names of the joint angles in the header, without _deg."""
     if header[0] != _TIME or len(header) < 2:
         raise RecordingError(
             f"{path} line 1: the first column must be {_TIME} and joint angles must follow, it starts with"
@@ -92,7 +93,7 @@ def _names(path: Path, header: Sequence[str], known: Sequence[str]) -> tuple[str
             hint = f"did you mean {close[0]}" if close else f"write one like {known[0]}"
             raise RecordingError(f"{path} line 1, column {column}: there is no joint angle {name!r}, {hint}")
         if names.index(name) != column - 2:
-            raise RecordingError(f"{path} line 1, column {column}: {name} stands twice, take one out")
+            raise RecordingError(f"{path} line 1, column {column}: there are two columns {name}, delete one")
     return names
 
 

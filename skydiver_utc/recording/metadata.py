@@ -1,56 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
 """The `metadata.yaml` of a rosbag2 bag folder, version 9."""
 
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import yaml
 
 from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.mcap_file import StoredTopic
 
 METADATA_FILE = "metadata.yaml"
 _VERSION = 9
-_NO_MESSAGE_YET_NS = 2**63 - 1  # what rosbag2 writes as the start of an empty bag
-
-
-class TopicSummary(NamedTuple):
-    """A topic as `metadata.yaml` lists it."""
-
-    name: str
-    type_name: str
-    type_hash: str
-    qos_profiles: list[dict[str, Any]]
-    message_count: int
+_NO_MESSAGE_YET_NS = 2**63 - 1  # rosbag2's starting time of an empty bag
 
 
 class _PlainDumper(yaml.SafeDumper):
-    """Writes equal parts out in full: not every reader of bags knows YAML aliases."""
+    """Writes no YAML aliases: not every reader of bags knows them."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
 
 
 def parse_qos_profiles(text: str) -> list[dict[str, Any]]:
-    """Offered QoS profiles from their YAML, a list of mappings (empty text: none)."""
+    """Offered QoS profiles from a YAML list of mappings (empty text: none)."""
     try:
         profiles = yaml.safe_load(text) or []
     except yaml.YAMLError as error:
-        raise RecordingError(
-            "The QoS profiles are not YAML: give a list with a mapping per profile."
-        ) from error
+        raise RecordingError("The QoS profiles are not YAML: give a list of mappings.") from error
     if not isinstance(profiles, list) or not all(isinstance(profile, dict) for profile in profiles):
-        raise RecordingError(
-            "The QoS profiles are no list of mappings: give a list with a mapping per profile."
-        )
+        raise RecordingError("The QoS profiles are no list of mappings: give one mapping for each profile.")
     return profiles
 
 
-def metadata_yaml(mcap_name: str, topics: Sequence[TopicSummary], log_span_ns: tuple[int, int] | None) -> str:
+def metadata_yaml(mcap_name: str, topics: Sequence[StoredTopic], log_span_ns: tuple[int, int] | None) -> str:
     """The text of `metadata.yaml` for a bag of one file.
 
-    `log_span_ns` is the first and the last log time in ns, None in a bag without messages.
+    `log_span_ns` is the first and the last log time in ns, None for a bag without messages.
     """
     first, last = log_span_ns or (_NO_MESSAGE_YET_NS, _NO_MESSAGE_YET_NS)
     span = {
@@ -63,7 +51,7 @@ def metadata_yaml(mcap_name: str, topics: Sequence[TopicSummary], log_span_ns: t
         "storage_identifier": "mcap",
         **span,
         "topics_with_message_count": [_topic_entry(topic) for topic in topics],
-        # Compressed chunks are the storage's own affair: to rosbag2 the bag is not compressed.
+        # These two are about compression by rosbag2 itself; chunks are compressed by the MCAP library.
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": [mcap_name],
@@ -74,7 +62,7 @@ def metadata_yaml(mcap_name: str, topics: Sequence[TopicSummary], log_span_ns: t
     return yaml.dump({"rosbag2_bagfile_information": information}, Dumper=_PlainDumper, sort_keys=False)
 
 
-def _topic_entry(topic: TopicSummary) -> dict[str, Any]:
+def _topic_entry(topic: StoredTopic) -> dict[str, Any]:
     return {
         "topic_metadata": {
             "name": topic.name,
@@ -87,8 +75,8 @@ def _topic_entry(topic: TopicSummary) -> dict[str, Any]:
     }
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file so that there is either no file of that name or a whole one."""
+def write_atomically(path: Path, text: str) -> None:
+    """Write a text file; at no time is there an incomplete file of this name."""
     draft = path.with_name(path.name + ".tmp")
     with draft.open("w", encoding="utf-8") as file:
         file.write(text)
@@ -98,11 +86,10 @@ def write_whole(path: Path, text: str) -> None:
 
 
 def mcap_files(folder: Path) -> list[Path]:
-    """The files of a bag folder in their order: those that its metadata names, else every .mcap in it."""
+    """The MCAP files of a bag folder in order: those in its metadata, without metadata every .mcap in it."""
     if not (folder / METADATA_FILE).is_file():
         return sorted(folder.glob("*.mcap"))
-    with _refusing_other_yaml(folder):
-        information = _information(folder)
+    with _reading(folder) as information:
         storage, names = information["storage_identifier"], information["relative_file_paths"]
         files = [folder / Path(name).name for name in names]
     if storage != "mcap":
@@ -113,20 +100,17 @@ def mcap_files(folder: Path) -> list[Path]:
 
 
 def message_count(folder: Path) -> int:
-    """How many messages a bag folder holds, as its metadata says."""
-    with _refusing_other_yaml(folder):
-        return int(_information(folder)["message_count"])
-
-
-def _information(folder: Path) -> Any:
-    return yaml.safe_load((folder / METADATA_FILE).read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+    """Number of messages in a bag folder, from its metadata."""
+    with _reading(folder) as information:
+        return int(information["message_count"])
 
 
 @contextmanager
-def _refusing_other_yaml(folder: Path) -> Iterator[None]:
+def _reading(folder: Path) -> Iterator[Any]:
+    path = folder / METADATA_FILE
     try:
-        yield
+        yield yaml.safe_load(path.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
     except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
         raise RecordingError(
-            f"{folder / METADATA_FILE} is not the metadata of a bag: remove it to read the .mcap beside it alone."
+            f"{path} is not the metadata of a bag: remove it to read the .mcap beside it."
         ) from error

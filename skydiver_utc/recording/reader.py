@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reads recordings: rosbag2 bag folders with MCAP files, or bare MCAP files, without ROS."""
 
 from collections.abc import Callable, Iterable
@@ -33,32 +34,34 @@ class RecordedTopic:
     log_times_ns: NDArray[np.int64]
     publish_times_ns: NDArray[np.int64]
     definitions: Definitions = field(repr=False)
-    type_hash: str = ""  # RIHS01, empty where the bag does not tell
-    qos_profiles_yaml: str = field(default="", repr=False)  # as offered when it was recorded
+    type_hash: str = ""  # RIHS01, empty if unknown
+    qos_profiles_yaml: str = field(default="", repr=False)
+    # Places of the messages among all of the bag.
+    places: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64), repr=False)
 
     def __len__(self) -> int:
         return len(self.cdr)
 
     @property
     def messages(self) -> list[Any]:
-        """The messages with the fields of their ROS type; one that does not fit it raises `RecordingError`."""
+        """The deserialized messages; bytes that do not fit the type raise `RecordingError`."""
         messages, error = self._decoded
         if error is not None:
-            raise self._does_not_fit(error) from error
+            raise self._unreadable(error) from error
         return messages
 
     @property
     def readable(self) -> list[Any | None]:
-        """The same, with None for bytes that are no message of the type: anybody can publish some."""
+        """The deserialized messages, None for each whose bytes do not fit the type."""
         return self._decoded[0]
 
     @cached_property
     def _decoded(self) -> tuple[list[Any | None], Exception | None]:
-        """Decoded when first asked for; and the first error, None without any."""
+        """The messages and the first error."""
         try:
             decode = _decoder(self.type_name, _typestore(self.definitions))
         except (*DAMAGE, SerdeError, TypesysError) as error:
-            raise self._does_not_fit(error) from error
+            raise self._unreadable(error) from error
         found: list[Any | None] = []
         first: Exception | None = None
         for cdr in self.cdr:
@@ -69,7 +72,7 @@ class RecordedTopic:
                 first = first or error
         return found, first
 
-    def _does_not_fit(self, error: Exception) -> RecordingError:
+    def _unreadable(self, error: Exception) -> RecordingError:
         return RecordingError(
             f"The messages of {self.name} do not fit the definition of {self.type_name} in the bag"
             f" ({error}): leave this topic out, or record again."
@@ -77,27 +80,26 @@ class RecordedTopic:
 
 
 def read_bag(path: Path | str, topics: Iterable[str] | None = None) -> dict[str, RecordedTopic]:
-    """The recorded topics by name, all of them or only those asked for.
+    """The recorded topics by name, all of them or those given.
 
-    `path` is a bag folder or an .mcap file. Messages are decoded when `RecordedTopic.messages` is first used,
-    so topics that are not looked at cost next to nothing. A path that is no whole bag, a bag without messages
-    and a topic that is not in the bag raise `RecordingError`.
+    `path` is a bag folder or an .mcap file. Messages are deserialized at the first use of `RecordedTopic.messages`.
+    An unfinished or damaged bag, one without messages, and a topic that is not in the bag raise `RecordingError`.
     """
-    contents = _Contents(None if topics is None else set(topics))
     path = Path(path)
+    contents = _Contents(None if topics is None else set(topics))
     for file in bag_files(path):
         contents.add(file)
     if contents.message_count == 0:
         raise RecordingError(f"{path} holds no messages: record the flight again.")
     recorded = contents.topics()
     for missing in sorted((contents.wanted or set()) - recorded.keys()):
-        there = ", ".join(sorted(contents.topic_names))
-        raise RecordingError(f"{path} has no topic {missing}: ask for some of {there}.")
+        available = ", ".join(sorted(contents.topic_names))
+        raise RecordingError(f"{path} has no topic {missing}: choose from {available}.")
     return recorded
 
 
 def bag_files(path: Path) -> list[Path]:
-    """The .mcap files of a bag folder, or the file itself."""
+    """The MCAP files of a bag folder, or the file itself."""
     if not path.exists():
         raise RecordingError(f"{path} does not exist: give the folder of a recording or its .mcap file.")
     files = mcap_files(path) if path.is_dir() else [path]
@@ -111,7 +113,7 @@ def bag_files(path: Path) -> list[Path]:
 
 @dataclass
 class _Column:
-    """The growing content of one topic."""
+    """The messages of one topic while a bag is being read."""
 
     type_name: str
     type_hash: str
@@ -119,10 +121,11 @@ class _Column:
     log_times_ns: list[int] = field(default_factory=list)
     publish_times_ns: list[int] = field(default_factory=list)
     cdr: list[bytes] = field(default_factory=list)
+    places: list[int] = field(default_factory=list)
 
 
 class _Contents:
-    """Collects the wanted messages of one file after the other."""
+    """The wanted messages of the files read so far."""
 
     def __init__(self, wanted: set[str] | None) -> None:
         self.wanted = wanted
@@ -143,6 +146,7 @@ class _Contents:
                 definitions,
                 column.type_hash,
                 column.qos_profiles_yaml,
+                np.array(column.places, dtype=np.int64),
             )
             for name, column in self._columns.items()
         }
@@ -153,14 +157,16 @@ class _Contents:
                 _check_whole(path, stream)
                 self._add_records(stream)
         except OSError as error:
-            raise RecordingError(f"{path} cannot be read ({error.strerror}): check that you may.") from error
+            raise RecordingError(
+                f"{path} cannot be read ({error.strerror}): check its permissions."
+            ) from error
         except DAMAGE as error:
             raise RecordingError(
-                f"{path} is damaged ({error}): save what is whole with `skydiver-utc recover {path}` and read that."
+                f"{path} is damaged ({error}): save the rest with `skydiver-utc recover {path}` and read that."
             ) from error
 
     def _add_records(self, stream: BinaryIO) -> None:
-        # Schemas and channels come before their first message and again at the end of the file.
+        # Schemas and channels stand before their first message and again at the end of the file.
         schemas: dict[int, Schema] = {}
         columns: dict[int, _Column | None] = {}
         found = 0
@@ -174,6 +180,7 @@ class _Contents:
                         column.log_times_ns.append(log_time)
                         column.publish_times_ns.append(publish_time)
                         column.cdr.append(cdr)
+                        column.places.append(self.message_count + found)
                 elif isinstance(part, Schema):
                     schemas[part.id] = part
                 elif isinstance(part, Channel) and part.id not in columns:
@@ -183,36 +190,38 @@ class _Contents:
         self.message_count += found
 
     def _column(self, channel: Channel, schema: Schema | None) -> _Column | None:
-        """Where the messages of a channel go; None if its topic is not wanted."""
+        """The column of a channel; None if its topic is not wanted."""
         self.topic_names.add(channel.topic)
         if self.wanted is not None and channel.topic not in self.wanted:
             return None
         if schema is None or schema.encoding != "ros2msg" or channel.message_encoding != "cdr":
             raise RecordingError(
-                f"The topic {channel.topic} is not a ROS 2 message with a ros2msg definition: ask for the"
-                " topics that you want by name, without it."
+                f"The topic {channel.topic} is not a ROS 2 message with a ros2msg definition: choose topics"
+                " without it."
             )
         self._definitions.add((schema.name, schema.data.decode()))
-        told = channel.metadata
-        new = _Column(schema.name, told.get("topic_type_hash", ""), told.get("offered_qos_profiles", ""))
+        metadata = channel.metadata
+        new = _Column(
+            schema.name, metadata.get("topic_type_hash", ""), metadata.get("offered_qos_profiles", "")
+        )
         column = self._columns.setdefault(channel.topic, new)
         if column.type_name != schema.name:
             raise RecordingError(
-                f"The topic {channel.topic} has two types, {column.type_name} and {schema.name}: ask for the"
-                " topics that you want by name, without it."
+                f"The topic {channel.topic} has two types, {column.type_name} and {schema.name}: choose topics"
+                " without it."
             )
         return column
 
 
 def _check_whole(path: Path, stream: BinaryIO) -> None:
-    """Refuse what is no MCAP file, and one without its end."""
+    """Raise `RecordingError` unless the file begins and ends as an MCAP file."""
     if stream.read(len(MAGIC)) != MAGIC:
         raise RecordingError(f"{path} is not an MCAP file: give the folder of a recording or its .mcap file.")
     size = path.stat().st_size
     stream.seek(max(size - len(MAGIC), len(MAGIC)))
     if stream.read() != MAGIC:
         raise RecordingError(
-            f"{path} has no end, it is still being recorded or its recorder was killed: save what is there"
+            f"{path} has no end, it is still being recorded or its recorder was killed: save its messages"
             f" with `skydiver-utc recover {path}` and read that."
         )
     stream.seek(0)
@@ -220,7 +229,7 @@ def _check_whole(path: Path, stream: BinaryIO) -> None:
 
 @lru_cache(maxsize=8)
 def _typestore(definitions: Definitions) -> Typestore:
-    """The types that a bag defines; building their decoders takes 0.2 s, and flights share their types."""
+    """The types defined in a bag; cached, because building the decoders takes 0.2 s."""
     store = get_typestore(Stores.EMPTY)
     for type_name, text in sorted(definitions):
         store.register(get_types_from_msg(text, type_name))
@@ -228,7 +237,7 @@ def _typestore(definitions: Definitions) -> Typestore:
 
 
 def _decoder(type_name: str, store: Typestore) -> Callable[[bytes], Any]:
-    # Not store.deserialize_cdr: it refuses the spare bytes that rclpy.serialization leaves at some ends.
+    # store.deserialize_cdr refuses the padding that rclpy.serialization leaves at the end of some messages.
     definition = store.get_msgdef(type_name)
 
     def decode(data: bytes) -> Any:

@@ -1,4 +1,5 @@
-"""The records of an MCAP file one after the other, those inside chunks, too."""
+# SPDX-License-Identifier: Apache-2.0
+"""The records of an MCAP file, including those inside chunks."""
 
 import struct
 from collections.abc import Iterator
@@ -12,11 +13,10 @@ from mcap.stream_reader import get_chunk_data_stream
 from zstandard import ZstdError
 
 MAGIC = b"\x89MCAP0\r\n"
-_RECORD_HEADER = struct.Struct("<BQ")  # opcode, length
+RECORD_HEADER = struct.Struct("<BQ")  # opcode, length
 _MESSAGE_HEADER = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 
-# What the libraries raise on bytes that are not what they should be: RuntimeError is lz4's, the last two come of
-# lengths that are not true.
+# What the libraries raise on damaged bytes: RuntimeError comes from lz4, the last two from wrong lengths.
 DAMAGE = (
     *(McapError, ValueError, RuntimeError, LookupError, struct.error, ZstdError),
     *(MemoryError, OverflowError),
@@ -26,9 +26,9 @@ RawMessage = tuple[int, int, int, bytes]  # channel id, log time, publish time, 
 
 
 def parts(record: McapRecord) -> Iterator[McapRecord | RawMessage]:
-    """The records of a chunk, or the record itself; messages as tuples, a third of the library's time.
+    """The record itself, or the records of a chunk; messages as tuples, in a third of the library's time.
 
-    A chunk is checked before its first record is given away; one that is damaged raises an error of `DAMAGE`.
+    The checksum of a chunk is verified before its first record is yielded; damage raises an error of `DAMAGE`.
     """
     if isinstance(record, Chunk):
         yield from _parts_of_chunk(record)
@@ -43,8 +43,8 @@ def _parts_of_chunk(chunk: Chunk) -> Iterator[McapRecord | RawMessage]:
     data = stream.read(length)
     position = 0
     while position < length:
-        opcode, size = _RECORD_HEADER.unpack_from(data, position)
-        start = position + _RECORD_HEADER.size
+        opcode, size = RECORD_HEADER.unpack_from(data, position)
+        start = position + RECORD_HEADER.size
         position = start + size
         if opcode == Opcode.MESSAGE:
             channel_id, _, log_time, publish_time = _MESSAGE_HEADER.unpack_from(data, start)

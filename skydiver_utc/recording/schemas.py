@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Message definitions and type hashes, from the share folders of the installed ROS message packages."""
 
 import importlib.util
@@ -17,7 +18,7 @@ _SEPARATOR = "\n" + "=" * 80 + "\nMSG: "
 
 
 class MessageSchema(NamedTuple):
-    """What a bag says about a message type: name, ros2msg text with all dependencies, RIHS01 hash."""
+    """A message type in a bag: name, ros2msg text with all dependencies, RIHS01 hash."""
 
     type_name: str
     text: str
@@ -27,7 +28,7 @@ class MessageSchema(NamedTuple):
 @cache
 def message_schema(type_name: str) -> MessageSchema:
     """The schema of a type such as `nav_msgs/msg/Odometry`; `RecordingError` if it is not installed."""
-    # The description lists the type itself and everything it is made of, each with its hash.
+    # The description lists the type and its dependencies, each with its hash.
     hashes = {entry["type_name"]: entry["hash_string"] for entry in _description(type_name)["type_hashes"]}
     parts = [_definition(type_name)]
     for dependency in hashes:
@@ -63,11 +64,10 @@ def _installed_file(type_name: str, suffix: str) -> Path:
 
 
 def _share_folders(package: str) -> Iterator[Path]:
-    """Where the share folder of a package may be, best first.
+    """Candidates for the share folder of a package, best first.
 
-    First the one of the package that Python would import, whose definitions are those that its messages are
-    serialized with; then the prefixes of a sourced ROS environment; then this Python's own prefix. Nothing is
-    imported.
+    First beside the Python package, because messages are serialized by its definitions; then the prefixes of a
+    sourced ROS environment; then this Python's prefix. Nothing is imported.
     """
     spec = importlib.util.find_spec(package)
     for location in (spec.submodule_search_locations or ()) if spec else ():

@@ -1,35 +1,28 @@
-"""The stamp of a serialized message, read without decoding the rest of it."""
+# SPDX-License-Identifier: Apache-2.0
+"""The stamp of a serialized message, without deserializing the rest."""
 
 import struct
 
+from skydiver_utc.parameters.nanoseconds import NANOSECONDS
 from skydiver_utc.recording.errors import RecordingError
 
-NANOSECONDS_PER_SECOND = 1_000_000_000
-
-# sec int32 and nanosec uint32 follow the 4 bytes of the encapsulation header.
-_OFFSET = 4
+_OFFSET = 4  # bytes of the encapsulation header, before sec (int32) and nanosec (uint32)
 _LITTLE_ENDIAN = struct.Struct("<iI")
 _BIG_ENDIAN = struct.Struct(">iI")
-_LENGTH = _OFFSET + _LITTLE_ENDIAN.size
 
 
 def leading_stamp_ns(cdr: bytes) -> int:
-    """The stamp, in ns, of a message that begins with a std_msgs/Header or a builtin_interfaces/Time.
+    """The stamp, in ns, of a message whose type begins with a std_msgs/Header or a builtin_interfaces/Time.
 
-    `cdr` is the serialized message with its encapsulation header, in either byte order. Too few bytes, or
-    bytes that cannot be a time, raise `RecordingError`; another leading field may still look like a time, so
-    ask only for types that begin with one.
+    `cdr` is the serialized message in either byte order. Bytes that are too few or no time raise `RecordingError`;
+    other types may look like a time, so call this only for types that begin with one.
     """
-    if len(cdr) < _LENGTH:
-        raise RecordingError(
-            f"A message of {len(cdr)} bytes cannot begin with a stamp: ask only for types that begin with a"
-            " std_msgs/Header or a builtin_interfaces/Time."
-        )
+    if len(cdr) < _OFFSET + _LITTLE_ENDIAN.size:
+        raise RecordingError(f"The message has {len(cdr)} bytes, too few for a stamp: check its publisher.")
     layout = _LITTLE_ENDIAN if cdr[1] & 1 else _BIG_ENDIAN
     sec, nanosec = layout.unpack_from(cdr, _OFFSET)
-    if nanosec >= NANOSECONDS_PER_SECOND:
+    if nanosec >= NANOSECONDS:
         raise RecordingError(
-            f"The message does not begin with a stamp ({nanosec} ns is no part of a second): ask only for"
-            " types that begin with a std_msgs/Header or a builtin_interfaces/Time."
+            f"The message does not begin with a stamp ({nanosec} ns is more than a second): check its publisher."
         )
-    return int(sec) * NANOSECONDS_PER_SECOND + int(nanosec)
+    return int(sec) * NANOSECONDS + int(nanosec)
