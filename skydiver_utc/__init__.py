@@ -1,20 +1,49 @@
-"""A virtual skydiver and the Unscented Transform Controller that flies it."""
+# SPDX-License-Identifier: Apache-2.0
+"""A virtual skydiver, the Unscented Transform Controller that flies it, and slots for plants of your own.
 
+`load_scenario` and `simulate` run a scenario in process. Your own plant is a `Plant` with a `Model` of two kernels;
+its settings, like those of every slot, are a `SlotSettings`. `UnscentedTransformController.of`
+controls a plant that is a Python function; `UnscentedTransformController(UtcSettings(...), plant)` any `Plant`.
+"""
+
+from importlib import import_module
 from typing import Any
 
-__all__ = ["Status", "UnscentedTransformController", "UtcResult"]
+__version__ = "0.1.0"
 
 _MODULES = {
-    "Status": "skydiver_utc.control.protocol",
-    "UnscentedTransformController": "skydiver_utc.control.unscented_controller",
-    "UtcResult": "skydiver_utc.control.result",
+    "Controller": "controllers.protocol",
+    "Decision": "controllers.protocol",
+    "FunctionPlant": "plants.function",
+    "Disturbance": "disturbances.protocol",
+    "Estimator": "estimators.protocol",
+    "Model": "plants.protocol",
+    "ParameterError": "parameters.errors",
+    "Plant": "plants.protocol",
+    "Reference": "references.protocol",
+    "Run": "loop.run",
+    "Scenario": "parameters.scenario",
+    "SlotSettings": "parameters.fields",
+    "Status": "controllers.protocol",
+    "UnscentedTransformController": "controllers.utc.unscented_transform_controller",
+    "UtcResult": "controllers.utc.result",
+    "UtcSettings": "controllers.utc.settings",
+    "kernel": "jit",
+    "load_scenario": "parameters.loading",
+    "program": "jit",
+    "quantity": "parameters.fields",
+    "runge_kutta": "plants.integration",
+    "simulate": "loop.closed_loop",
 }
+__all__ = list(_MODULES)
 
 
 def __getattr__(name: str) -> Any:
-    """Load the library's names when they are asked for: the command line starts without numba."""
+    """The public names, loaded when they are used: the command line starts without numba."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
 
-    return getattr(import_module(_MODULES[name]), name)
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

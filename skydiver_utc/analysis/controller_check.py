@@ -1,4 +1,5 @@
-"""A controller asked again: the states and the reference of a recording, and what it answers to them now."""
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a controller decides at the states of a recording as the recorded one did."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.errors import AnalysisError
-from skydiver_utc.analysis.recorded_flight import CONTROL_NAMES, RecordedFlight
+from skydiver_utc.analysis.recorded_run import RecordedRun
+from skydiver_utc.loop.decisions import Stretch, decide_at
+from skydiver_utc.loop.registry import build_controller, build_estimator, build_plant
+from skydiver_utc.loop.run import ParameterChange, Run
 from skydiver_utc.parameters import Scenario, override
-from skydiver_utc.simulation.asked_again import Stretch, decide_again
-from skydiver_utc.simulation.build import build_controller
-from skydiver_utc.simulation.flight import Flight, ParameterChange
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 _CONTROLLER = "controller"
 
 Floats = NDArray[np.float64]
@@ -22,23 +23,24 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """The recorded flight, as far as it was checked, and the answers of the controller asked, commands (K, 4).
+    """The recorded run, as far as it was checked, and the commands computed at its states (K, m).
 
-    `reference_added` counts the steps of the reference that no recorded message tells, at the end of the flight or
-    where its node was dead: there the recorded scenario's own reference stands in. In real time a step without an
-    answer has the command that was held, and the recorded controller saw the newest states only: equal bits are not
-    to be had.
+    `reference_added` counts the steps of the reference that are not recorded, at the end of the run or where
+    its node was dead: there the recorded scenario's own values are used. In real time a step without a command
+    has the one that was held, and the recorded controller received the newest states only: the bits are not
+    equal then.
     """
 
-    flight: Flight
+    run: Run
     commands: Floats
     reference_added: int
     in_real_time: bool
+    reference_revised: int = 0  # steps that a live reference gave other values later on: those are used
 
     @property
     def differs(self) -> NDArray[np.bool_]:
-        """Where recorded command and answer are not the same bits, (K, 4)."""
-        recorded = np.ascontiguousarray(self.flight.commands).view(np.int64)
+        """Where recorded and computed command are not the same bits, (K, m)."""
+        recorded = np.ascontiguousarray(self.run.commands).view(np.int64)
         differs: NDArray[np.bool_] = recorded != np.ascontiguousarray(self.commands).view(np.int64)
         return differs
 
@@ -54,86 +56,98 @@ class Check:
         return (int(places[0, 0]), int(places[0, 1])) if len(places) else None
 
 
-def check(recording: RecordedFlight, instead: Callable[[Scenario], Scenario] = lambda s: s) -> Check:
-    """Ask the recorded scenario's controller, or that of the scenario which `instead` makes of it.
+def check(recording: RecordedRun, instead: Callable[[Scenario], Scenario] = lambda s: s) -> Check:
+    """The commands of the recorded scenario's controller, or of that of the scenario which `instead` makes of it.
 
-    The states are those of the recorded flight, whatever the answers: another controller is asked what it would
-    have done at each of them, it does not fly. Its memory, from the first step on, is its own; where the recorded
-    controller began anew in flight, with other parameters or as another process, so does the one that is asked.
-
-    A recording that lacks the beginning of the flight is checked from where the recorded controller began anew,
-    the first place where its memory is known; `AnalysisError` where it never did.
+    The states are the recorded ones, whatever the commands: another controller does not fly here. Its memory is
+    its own from the first step on; where the recorded controller was restarted or got other parameters, so does
+    this one. A recording that lacks the beginning is checked from the controller's first restart on, where its
+    memory is known; `AnalysisError` without one.
     """
-    flight = _with_known_memory(recording.flight())
-    if len(flight.commands) == 0:
+    run = _with_known_memory(recording.run())
+    if len(run.commands) == 0:
         raise AnalysisError(
-            "the recording has no whole step, so there is nothing to check: record the flight again"
+            "the recording has no whole step, so there is nothing to check: record the run again"
         )
-    stretches = _stretches(flight, instead)
+    stretches = _stretches(recording, run, instead)
     ahead = max(stretch.controller.preview_steps for stretch in stretches)
-    reference, added = _reference(recording, flight, ahead)
-    commands = decide_again(stretches, flight.states, reference)
-    return Check(flight, commands, added, recording.in_real_time())
+    reference, added = _reference(recording, run, ahead)
+    commands = decide_at(stretches, run.states, run.applied, reference)
+    return Check(run, commands, added, recording.in_real_time, recording.reference_revised)
 
 
-def _with_known_memory(flight: Flight) -> Flight:
-    """From the first step on at which the controller's memory is known: step 0, or where it began anew."""
-    if flight.first_step == 0:
-        return flight
-    begins = [change.step for change in _beginnings(flight)]
-    if not begins:
+def _with_known_memory(run: Run) -> Run:
+    if run.first_step == 0:
+        return run
+    restarts = _restarts(run)
+    if not restarts:
         raise AnalysisError(
-            f"the recording begins at step {flight.first_step}, and what the controller remembered there is not"
-            " known, so its answers cannot be checked: give a recording from step 0 on, or one in which the"
-            " controller began anew"
+            f"the recording begins at step {run.first_step}, where the controller's memory is not known: give a"
+            " recording from step 0 on, or one with a restart of the controller"
         )
-    return flight.since(begins[0])
+    return run.since(restarts[0].step)
 
 
-def _beginnings(flight: Flight) -> list[ParameterChange]:
-    """Where the recorded controller began, with other parameters or anew, in the order of the steps."""
-    end = flight.first_step + len(flight.commands)
-    return [
-        change
-        for change in flight.changes
-        if change.node == _CONTROLLER and flight.first_step <= change.step < end
-    ]
+def _restarts(run: Run) -> list[ParameterChange]:
+    """Where the recorded controller was restarted or got other parameters, in the order of the steps."""
+    end = run.first_step + len(run.commands)
+    return [c for c in run.changes if c.node == _CONTROLLER and run.first_step <= c.step < end]
 
 
-def _stretches(flight: Flight, instead: Callable[[Scenario], Scenario]) -> list[Stretch]:
-    """The controllers of the flight, from the first row of each on."""
+def _stretches(recording: RecordedRun, run: Run, instead: Callable[[Scenario], Scenario]) -> list[Stretch]:
+    """The controllers of the run, from the first row of each on."""
+
+    def stretch(row: int, scenario: Scenario, delay_steps: int, control: Floats | None) -> Stretch:
+        # The controller may predict with another plant than the recorded one.
+        plant = recording.plant if scenario.plant == run.scenario.plant else build_plant(scenario)
+        controller = build_controller(scenario, plant, recording.reference, delay_steps)
+        return Stretch(row, controller, build_estimator(scenario, plant), control)
+
     begins = {}
-    if flight.first_step == 0:
-        begins[0] = Stretch(0, build_controller(instead(flight.scenario)), None)
-    for change in _beginnings(flight):
-        scenario = instead(override(flight.scenario, change.of_scenario))
-        controller = build_controller(scenario, change.delay_steps)
+    if run.first_step == 0:
+        begins[0] = stretch(0, instead(run.scenario), 0, None)
+    for change in _restarts(run):
+        row = change.step - run.first_step
         control = None if change.control is None else np.array(change.control)
-        row = change.step - flight.first_step
-        begins[row] = Stretch(row, controller, control)
+        scenario = instead(override(run.scenario, change.of_scenario))
+        begins[row] = stretch(row, scenario, change.delay_steps, control)
     return list(begins.values())
+
+
+def _reference(recording: RecordedRun, run: Run, ahead: int) -> tuple[Floats, int]:
+    """Reference (K + ahead, l): previews, then setpoints, then the scenario's own; and how many of the last."""
+    first, count = run.first_step, len(run.commands) + ahead
+    values = recording.previews(first + count)[first:]
+    setpoints = recording.setpoints()[first : first + count]
+    values[: len(setpoints)] = np.where(
+        np.isnan(values[: len(setpoints)]), setpoints, values[: len(setpoints)]
+    )
+    missing = np.isnan(values)
+    if missing.any():
+        values = np.where(missing, recording.reference.preview(first, count), values)
+    return values, int(missing.any(axis=1).sum())
 
 
 def report(found: Check) -> dict[str, Any]:
     """The result as plain data, in the order in which it is printed."""
-    time_s = found.flight.time_s
-    error = found.commands - found.flight.commands
-    first = found.first_difference
+    run, first = found.run, found.first_difference
+    time_s, names = run.time_s, run.plant.control_names
+    error = found.commands - run.commands
     return {
         "schema_version": SCHEMA_VERSION,
-        "scenario": found.flight.scenario.name,
+        "scenario": run.scenario.name,
         "in_real_time": found.in_real_time,
         "equal": found.equal,
-        "first_step": found.flight.first_step,
+        "first_step": run.first_step,
         "steps": len(error),
         "different_steps": int(found.differs.any(axis=1).sum()),
         "first_difference": first
         and {
-            "step": found.flight.first_step + first[0],
+            "step": run.first_step + first[0],
             "time_s": float(time_s[first[0]]),
-            "control": CONTROL_NAMES[first[1]],
-            "recorded": float(found.flight.commands[first]),
-            "answer": float(found.commands[first]),
+            "control": names[first[1]],
+            "recorded": float(run.commands[first]),
+            "computed": float(found.commands[first]),
         },
         "controls": {
             name: {
@@ -141,19 +155,8 @@ def report(found: Check) -> dict[str, Any]:
                 "largest": float(np.max(np.abs(error[:, j]))),
                 "largest_at_s": float(time_s[np.argmax(np.abs(error[:, j]))]),
             }
-            for j, name in enumerate(CONTROL_NAMES)
+            for j, name in enumerate(names)
         },
         "reference_steps_not_recorded": found.reference_added,
+        "reference_steps_revised": found.reference_revised,
     }
-
-
-def _reference(recording: RecordedFlight, flight: Flight, ahead: int) -> tuple[Floats, int]:
-    """Reference (K + ahead,): previews, then setpoints, then the scenario's own; and how many of the last."""
-    first, count = flight.first_step, len(flight.commands) + ahead
-    values = recording.previews(first + count)[first:]
-    told = recording.told_reference()[first : first + count]
-    values[: len(told)] = np.where(np.isnan(values[: len(told)]), told, values[: len(told)])
-    missing = np.isnan(values)
-    if missing.any():
-        values[missing] = recording.own_reference(first, count)[missing]
-    return values, int(missing.sum())

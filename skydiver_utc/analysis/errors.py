@@ -1,5 +1,6 @@
-"""The one error of this package."""
+# SPDX-License-Identifier: Apache-2.0
+"""The error of this room."""
 
 
 class AnalysisError(Exception):
-    """A recording cannot be analysed; the text is one sentence that names the thing and says what to do."""
+    """A recording cannot be analysed; the text is one sentence that names the fault and the remedy."""

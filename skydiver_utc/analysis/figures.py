@@ -1,4 +1,5 @@
-"""The picture of one flight: what was asked for, what came of it, and what the controls did."""
+# SPDX-License-Identifier: Apache-2.0
+"""The picture of one run: the wanted and the actual outputs, their error, and the controls."""
 
 import textwrap
 from collections.abc import Callable
@@ -11,14 +12,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.labels import at_the_latest
-from skydiver_utc.analysis.metrics import (
-    CONVERGED_SHARE,
-    SETTLING_S,
-    angle_turned_deg,
-    metrics,
-    row_from,
-    tracking_error_deg_s,
-)
+from skydiver_utc.analysis.metrics import CONVERGED_SHARE, metrics
+from skydiver_utc.analysis.numbers import SETTLING_S, row_from
+from skydiver_utc.analysis.skydiver import angle_turned_deg, is_skydiver
 from skydiver_utc.analysis.style import (
     BLUE,
     GREEN,
@@ -32,160 +28,175 @@ from skydiver_utc.analysis.style import (
     house_style,
     short,
 )
-from skydiver_utc.parameters import ConstantReference, RotationReference, SineReference
-from skydiver_utc.simulation.flight import Flight
-from skydiver_utc.simulation.outcome import Outcome
+from skydiver_utc.analysis.units import shown
+from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.loop.run import Run
+from skydiver_utc.references.profiles import Constant, Rotation, Sine
 
-CONTROLS = (
-    ("yaw damping\n$C_{m,damp}$ [1]", GREEN),
-    ("right hand\n$k_{right}$ [1]", VERMILLION),
-    ("left hand\n$k_{left}$ [1]", PURPLE),
-    ("pattern angle\n$\\alpha$ [rad]", BLUE),
-)
-# Label of the body rate that is drawn, by what the reference is for.
-_PITCH_RATE = "pitch rate [deg/s]\nhead down positive"
-_RATES = {"yaw_rate": "yaw rate [deg/s]\nleft turn positive", "pitch_rate": _PITCH_RATE, "alpha": _PITCH_RATE}
+CONTROL_COLOURS = (GREEN, VERMILLION, PURPLE, BLUE)
+Floats = NDArray[np.float64]
+Panel = tuple[float, Callable[[Axes], None]]  # height, and how to draw it
 
 
-def tracking_figure(flight: Flight) -> Figure:
-    """Tracked body rate, its error, the angle turned where one is asked for, and the four controls in their limits.
+def tracking_figure(run: Run) -> Figure:
+    """Each tracked output over its reference with its error, and the controls between their limits.
 
-    8 by 10.4 inches; `png` makes it 1200 pixels wide.
+    Open loop: all outputs of the plant. A skydiver's rotation: the angle turned, too. `png` makes it 1200
+    pixels wide.
     """
     with house_style():
-        figure = empty_figure(8.0, 10.4)
-        values = metrics(flight)
-        panels: list[tuple[float, Callable[[Axes], None]]] = [(3.2, lambda axes: _draw_rate(axes, flight))]
-        error = tracking_error_deg_s(flight)
-        if error is not None:
-            converged = values["convergence_time_s"]
-            panels.append((1.6, lambda axes: _draw_error(axes, flight, error, converged)))
-        if not isinstance(flight.scenario.reference, SineReference | ConstantReference):
-            panels.append((1.6, lambda axes: _draw_angle(axes, flight)))
+        values, panels = metrics(run), _panels(run)
         controls = len(panels)
-        panels += [(1.0, partial(_draw_control, flight=flight, j=j)) for j in range(len(CONTROLS))]
+        panels += [(1.0, partial(_draw_control, run=run, j=j)) for j in range(len(run.plant.control_names))]
         heights = [height for height, _ in panels]
+        figure = empty_figure(8.0, 1.6 + sum(heights))
         rows = figure.subplots(
-            len(panels), 1, sharex=True, gridspec_kw={"height_ratios": heights, "hspace": 0.19}
-        )
-        _draw_title(figure, flight, values)
+            len(panels), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights, "hspace": 0.19}
+        )[:, 0]
+        _draw_title(figure, run, values)
         for axes, (_, draw) in zip(rows, panels, strict=True):
             draw(axes)
+            axes.yaxis.set_label_coords(-0.085, 0.5)
         rows[controls].legend(loc="lower right", bbox_to_anchor=(1.0, 0.96), ncols=2, borderaxespad=0.0)
         rows[-1].set_xlabel("time [s]")
-        begin, end = float(flight.time_s[0]), float(flight.time_s[-1])
-        rows[-1].set_xlim(begin, max(end, begin + flight.scenario.dt_s))
-        for axes in rows:
-            axes.yaxis.set_label_coords(-0.085, 0.5)
-        figure.subplots_adjust(left=0.13, right=0.975, bottom=0.05, top=0.905)
+        begin, end = float(run.time_s[0]), float(run.time_s[-1])
+        rows[-1].set_xlim(begin, max(end, begin + run.scenario.dt_s))
+        inches = figure.get_figheight()
+        figure.subplots_adjust(left=0.13, right=0.975, bottom=0.52 / inches, top=1.0 - 0.99 / inches)
     return figure
 
 
-def _draw_title(figure: Figure, flight: Flight, values: dict[str, Any]) -> None:
-    title = textwrap.shorten(flight.scenario.title, width=80, placeholder=" ...")
-    figure.text(0.02, 0.985, title, fontsize=13, fontweight="bold", va="top")
-    facts = [flight.outcome.value.replace("_", " ")]
-    if values["rmse_deg_s"] is not None:
-        facts.append(f"RMSE {short(values['rmse_deg_s'])} deg/s")
-        facts.append(f"largest error {short(values['max_abs_error_deg_s'])} deg/s")
-    if values["convergence_time_s"] is not None:
-        in_doubt = at_the_latest(values, "convergence_time_s")
-        facts.append(f"inside 5 % from {values['convergence_time_s']:.2f} s on{in_doubt}")
-    fine = flight.outcome is Outcome.COMPLETED
-    figure.text(0.02, 0.960, "   |   ".join(facts), va="top", color=GREY if fine else VERMILLION)
+def _panels(run: Run) -> list[Panel]:
+    """What is drawn of the outputs."""
+    found: list[Panel] = []
+    if run.tracks_outputs:
+        several = len(run.tracked_names) > 1
+        for j in range(len(run.tracked_names)):
+            found.append((2.0 if several else 3.2, partial(_draw_tracked, run=run, j=j)))
+            found.append((1.2 if several else 1.6, partial(_draw_error, run=run, j=j)))
+    else:
+        found += [(1.6, partial(_draw_output, run=run, name=name)) for name in run.plant.output_names]
+    if is_skydiver(run.plant) and not isinstance(run.scenario.reference, Sine.Settings | Constant.Settings):
+        found.append((1.6, partial(_draw_angle, run=run)))
+    return found
+
+
+def _draw_title(figure: Figure, run: Run, values: dict[str, Any]) -> None:
+    inches = figure.get_figheight()
+    title = textwrap.shorten(run.scenario.title or run.scenario.name, width=80, placeholder=" ...")
+    figure.text(0.02, 1.0 - 0.16 / inches, title, fontsize=13, fontweight="bold", va="top")
+    facts = [run.outcome.value.replace("_", " ")]
+    for name, found in values["outputs"].items():
+        scale = shown(run.plant, name)
+        words = "" if len(values["outputs"]) == 1 else f"{scale.name}: "
+        if found["rmse"] is not None:
+            facts.append(f"{words}RMSE {short(scale.factor * found['rmse'])} {scale.unit}")
+            facts.append(f"largest error {short(scale.factor * found['max_abs_error'])} {scale.unit}")
+    since = values["convergence_time_s"]
+    if since is not None:
+        facts.append(f"inside 5 % from {since:.2f} s on{at_the_latest(values, 'convergence_time_s', since)}")
+    fine = run.outcome is Outcome.COMPLETED
+    line = textwrap.shorten("   |   ".join(facts), width=150, placeholder=" ...", drop_whitespace=False)
+    figure.text(0.02, 1.0 - 0.42 / inches, line, va="top", color=GREY if fine else VERMILLION)
     lacks = f"recorded from {values['begins_at_s']:.2f} s on" if values["missing_steps"] else ""
-    remarks = "; ".join(filter(None, (lacks, "" if fine else flight.reason)))
+    remarks = "; ".join(filter(None, (lacks, "" if fine else run.reason)))
     shortened = textwrap.shorten(remarks, width=105, placeholder=" ...")
-    figure.text(0.02, 0.941, shortened, va="top", fontsize=8.5, color=VERMILLION)
+    figure.text(0.02, 1.0 - 0.61 / inches, shortened, va="top", fontsize=8.5, color=VERMILLION)
 
 
-def _draw_rate(axes: Axes, flight: Flight) -> None:
-    """The tracked rate over its reference; the pitch rate alone where the reference is for the pattern angle."""
-    flown = np.rad2deg(flight.pitch_rate if flight.tracked is None else flight.tracked)
-    shown, room = flown[np.isfinite(flown)], np.inf
-    if flight.tracked is not None:
-        asked = np.rad2deg(flight.reference)
-        axes.plot(flight.time_s, asked, color=ORANGE, linewidth=4.5, alpha=0.75, label="reference")
-        shown, room = np.append(shown, asked), _room(flight)
-    axes.plot(flight.time_s, flown, color=BLUE, linewidth=1.3, label="flown")
-    low, high = max(min(shown.min(), -1.0), -room), min(max(shown.max(), 1.0), room)
-    axes.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
-    axes.set_ylabel(_RATES[flight.scenario.reference.signal])
-    if flight.tracked is not None:
-        _shade_settling(axes, flight)
+def _draw_output(axes: Axes, run: Run, name: str) -> None:
+    scale = shown(run.plant, name)
+    axes.plot(run.time_s, scale.factor * run.output(name), color=BLUE, linewidth=1.3)
+    axes.set_ylabel(scale.label.replace(" [", "\n["))
+
+
+def _draw_tracked(axes: Axes, run: Run, j: int) -> None:
+    name = run.tracked_names[j]
+    scale, reach = shown(run.plant, name), _reach(run, j)
+    actual, wanted = scale.factor * run.output(name), scale.factor * run.reference[:, j]
+    axes.plot(run.time_s, wanted, color=ORANGE, linewidth=4.5, alpha=0.75, label="reference")
+    axes.plot(run.time_s, actual, color=BLUE, linewidth=1.3, label="actual")
+    values = np.append(actual[np.isfinite(actual)], wanted)
+    # A run that diverges must not press the reference flat.
+    low, high = max(float(values.min()), -reach), min(float(values.max()), reach)
+    margin = 0.06 * (high - low) or 0.1 * (abs(high) or 1.0)
+    axes.set_ylim(low - margin, high + margin)
+    axes.set_ylabel(scale.label)
+    _shade_settling(axes, run)
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.0)
 
 
-def _draw_angle(axes: Axes, flight: Flight) -> None:
-    """The angle turned, with the one asked for and how far the end is from it."""
-    reference = flight.scenario.reference
-    turned = angle_turned_deg(flight)
-    if isinstance(reference, RotationReference) and flight.first_step == 0:
-        wanted = reference.angle_deg
-        axes.axhline(wanted, color=ORANGE, linewidth=4.5, alpha=0.75)
-        axes.text(
-            0.995, 0.5, f"ends {turned[-1] - wanted:+.1f} deg from the {wanted:g} deg asked for",
-            transform=axes.transAxes, ha="right", va="center", fontsize=8.0, color=GREY, bbox=PLATE, zorder=5,
-        )  # fmt: skip
-    axes.plot(flight.time_s, turned, color=BLUE, linewidth=1.3)
-    axes.set_ylabel(f"{'heading' if reference.signal == 'yaw_rate' else 'pitch'}\nturned [deg]")
-
-
-def _draw_error(
-    axes: Axes, flight: Flight, error: NDArray[np.float64], convergence_time_s: float | None
-) -> None:
-    band = CONVERGED_SHARE * flight.scenario.reference.amplitude_or_level_deg_s
-    start = row_from(SETTLING_S, flight)
+def _draw_error(axes: Axes, run: Run, j: int) -> None:
+    assert run.error is not None
+    scale = shown(run.plant, run.tracked_names[j])
+    error, band = scale.factor * run.error[:, j], scale.factor * CONVERGED_SHARE * float(run.amplitude[j])
+    start = row_from(SETTLING_S, run)
     settled = error[start:] if start < len(error) else error
-    reach = max(1.15 * _largest(settled), 1.4 * band, 1e-3)
-    reach = min(reach, _room(flight))
+    reach = min(max(1.15 * _largest(settled), 1.4 * band, 1e-9), _reach(run, j))
     if band > 0.0:
         axes.axhspan(-band, band, color=GREEN, alpha=0.14, linewidth=0.0)
         axes.text(
-            0.995, 1.03, f"band: 5 % of the amplitude, {short(band)} deg/s", transform=axes.transAxes,
+            0.995, 1.03, f"band: 5 % of the amplitude, {short(band)} {scale.unit}", transform=axes.transAxes,
             ha="right", va="bottom", fontsize=8.0, color="#00694D",
         )  # fmt: skip
-    axes.plot(flight.time_s, error, color=VERMILLION, linewidth=1.1)
-    if convergence_time_s is not None and convergence_time_s > flight.time_s[0] + 0.5 * flight.scenario.dt_s:
-        axes.axvline(convergence_time_s, color=GREEN, linewidth=1.2, linestyle=(0, (4, 2)))
+    axes.plot(run.time_s, error, color=VERMILLION, linewidth=1.1)
     axes.set_ylim(-reach, reach)
-    axes.set_ylabel("error\n[deg/s]")
-    _shade_settling(axes, flight)
+    axes.set_ylabel(f"error\n[{scale.unit}]")
+    _shade_settling(axes, run)
     if _largest(error) > reach:
         axes.text(
-            0.995, 0.95, f"off the scale: up to {short(_largest(error))} deg/s", transform=axes.transAxes,
+            0.995, 0.95, f"off the scale: up to {short(_largest(error))} {scale.unit}", transform=axes.transAxes,
             ha="right", va="top", fontsize=8.0, color=GREY, bbox=PLATE, zorder=5,
         )  # fmt: skip
 
 
-def _draw_control(axes: Axes, flight: Flight, j: int) -> None:
-    label, colour = CONTROLS[j]
-    time = flight.time_s[:-1]
-    lower = flight.scenario.plant.limits.minimum[j]
-    upper = flight.scenario.plant.limits.maximum[j]
-    margin = 0.13 * (upper - lower)
-    for inner, outer in ((lower, lower - margin), (upper, upper + margin)):
-        axes.axhspan(inner, outer, color=PALE, linewidth=0.0)
-        axes.axhline(inner, color=GREY, linewidth=0.8)
-    axes.step(time, flight.commands[:, j], where="post", color="#999999", linewidth=0.8, label="asked for")
-    axes.step(time, flight.applied[:, j], where="post", color=colour, linewidth=1.2, label="applied")
-    axes.set_ylim(lower - margin, upper + margin)
-    axes.set_yticks(sorted({lower, upper} | ({0.0} if lower < 0.0 < upper else set())))
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.set_ylabel(label, fontsize=8.5)
+def _draw_angle(axes: Axes, run: Run) -> None:
+    """The angle turned, with the wanted one and how far the end is from it."""
+    reference, turned = run.scenario.reference, angle_turned_deg(run)
+    if isinstance(reference, Rotation.Settings) and run.first_step == 0:
+        wanted = reference.angle_deg
+        axes.axhline(wanted, color=ORANGE, linewidth=4.5, alpha=0.75)
+        axes.text(
+            0.995, 0.5, f"ends {turned[-1] - wanted:+.1f} deg from the wanted {wanted:g} deg",
+            transform=axes.transAxes, ha="right", va="center", fontsize=8.0, color=GREY, bbox=PLATE, zorder=5,
+        )  # fmt: skip
+    axes.plot(run.time_s, turned, color=BLUE, linewidth=1.3)
+    axes.set_ylabel(f"{'heading' if run.tracked_names == ('yaw_rate',) else 'pitch'}\nturned [deg]")
 
 
-def _shade_settling(axes: Axes, flight: Flight) -> None:
+def _draw_control(axes: Axes, run: Run, j: int) -> None:
+    name, colour = run.plant.control_names[j], CONTROL_COLOURS[j % len(CONTROL_COLOURS)]
+    lower, upper = float(run.plant.minimum[j]), float(run.plant.maximum[j])
+    axes.step(
+        run.time_s[:-1], run.commands[:, j], where="post", color="#999999", linewidth=0.8, label="command"
+    )
+    axes.step(run.time_s[:-1], run.applied[:, j], where="post", color=colour, linewidth=1.2, label="applied")
+    if np.isfinite(upper - lower):
+        margin = 0.13 * (upper - lower)
+        for inner, outer in ((lower, lower - margin), (upper, upper + margin)):
+            axes.axhspan(inner, outer, color=PALE, linewidth=0.0)
+            axes.axhline(inner, color=GREY, linewidth=0.8)
+        axes.set_ylim(lower - margin, upper + margin)
+        axes.set_yticks(sorted({lower, upper} | ({0.0} if lower < 0.0 < upper else set())))
+        axes.yaxis.set_major_formatter("{x:g}")
+    axes.set_ylabel(shown(run.plant, name, degrees=False).label.replace(" [", "\n["), fontsize=8.5)
+
+
+def _shade_settling(axes: Axes, run: Run) -> None:
     """Grey out the seconds that RMSE and largest error leave out."""
-    if flight.time_s[0] < SETTLING_S < flight.time_s[-1]:
+    if run.time_s[0] < SETTLING_S < run.time_s[-1]:
         axes.axvspan(0.0, SETTLING_S, color=PALE, alpha=0.6, linewidth=0.0, zorder=0, label="not in the RMSE")
 
 
-def _room(flight: Flight) -> float:
-    """Half height of a yaw-rate axis [deg/s] that a tumbling body cannot press flat."""
-    return 2.5 * max(_largest(np.rad2deg(flight.reference)), 40.0)
+def _reach(run: Run, j: int) -> float:
+    """Half height of an axis of an output that a diverging run cannot press flat."""
+    name = run.tracked_names[j]
+    wanted, actual = _largest(run.reference[:, j]), _largest(run.output(name))
+    # Around a reference of zero the actual values set the scale, as far as the run goes well.
+    fair = wanted or (actual if run.outcome is not Outcome.DIVERGED else 1.0)
+    return 2.5 * shown(run.plant, name).factor * (fair or 1.0)
 
 
-def _largest(values: NDArray[np.float64]) -> float:
+def _largest(values: Floats) -> float:
     finite = values[np.isfinite(values)]
     return float(np.max(np.abs(finite))) if len(finite) else 0.0

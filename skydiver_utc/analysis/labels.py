@@ -1,22 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
 """Metrics as people read them: label, number and unit."""
 
 from typing import Any, NamedTuple
 
-from skydiver_utc.analysis.metrics import SETTLING_S
+from skydiver_utc.analysis.numbers import SETTLING_S
+from skydiver_utc.analysis.units import in_degrees
 
-# In a label SINCE is the time from which on the errors count.
+# Of each tracked output. In a label SINCE is the time from which on the errors count.
+_OF_OUTPUT = (
+    ("rmse", "RMSE from SINCE on", ".3g"),
+    ("max_abs_error", "largest error from SINCE on", ".3g"),
+    ("convergence_time_s", "inside 5 % for good from", ".2f"),
+    ("peak", "peak from SINCE on", ".4g"),
+)
 _ROWS = (
-    ("rmse_deg_s", "RMSE from SINCE on", "deg/s", ".2f"),
-    ("max_abs_error_deg_s", "largest error from SINCE on", "deg/s", ".2f"),
-    ("convergence_time_s", "inside 5 % for good from", "s", ".2f"),
-    ("peak_yaw_rate_deg_s", "peak yaw rate from SINCE on", "deg/s", ".1f"),
     ("rmse_rotating_deg_s", "RMSE while it is to turn", "deg/s", ".2f"),
     ("angle_error_deg", "angle turned less wanted", "deg", ".1f"),
     ("overshoot_deg", "overshoot", "deg", ".1f"),
     ("facing", "at the end", "", ""),
     ("facing_since_s", "so since", "s", ".2f"),
-    ("control_effort", "control effort", "", ".4f"),
     ("min_dorsal_axis", "lowest dorsal axis", "", ".3f"),
+    ("control_effort", "control effort", "", ".4f"),
     ("solve_time_us.median", "controller call, median", "us", ".1f"),
     ("solve_time_us.p99", "controller call, 99th percentile", "us", ".1f"),
     ("simulated_time_s", "simulated time", "s", ".2f"),
@@ -36,13 +40,20 @@ class Row(NamedTuple):
 
 def rows(values: dict[str, Any]) -> list[Row]:
     """The metrics in the order of a table; those of a rotation only for a reference that asks for one."""
-    found = [(name, label, _value(values, name), unit, form) for name, label, unit, form in _ROWS]
     since = f"{round(max(SETTLING_S, values['begins_at_s']), 3):g} s"
-    return [
-        Row(label.replace("SINCE", since) + at_the_latest(values, name), _text(value, form), unit)
-        for name, label, value, unit, form in found
-        if value is not None or name not in _OF_ROTATION
-    ] + [_change(change) for change in values["parameter_changes"]]
+    found = []
+    for name, output in values["outputs"].items():
+        unit, factor = in_degrees(output["unit"])
+        for key, label, form in _OF_OUTPUT:
+            value, in_s = output[key], key == "convergence_time_s"
+            scaled = value if value is None or in_s else factor * value
+            words = f"{name.replace('_', ' ')}: {label.replace('SINCE', since)}{at_the_latest(values, key, value)}"
+            found.append(Row(words, _text(scaled, form), "s" if in_s else unit))
+    for name, label, unit, form in _ROWS:
+        value = _value(values, name)
+        if name.partition(".")[0] in values and (value is not None or name not in _OF_ROTATION):
+            found.append(Row(label + at_the_latest(values, name, value), _text(value, form), unit))
+    return found + [_change(change) for change in values["parameter_changes"]]
 
 
 def missing(values: dict[str, Any]) -> str:
@@ -50,31 +61,30 @@ def missing(values: dict[str, Any]) -> str:
     if not values["missing_steps"]:
         return ""
     steps = f"steps 0 to {values['missing_steps'] - 1} are" if values["missing_steps"] > 1 else "step 0 is"
-    begins = f"{steps} not in the recording, it begins at {values['begins_at_s']:.3f} s"
-    return f"{begins}: every figure is of what is there"
+    return f"{steps} not in the recording, it begins at {values['begins_at_s']:.3f} s: the figures are of the rest"
 
 
 def reference_added(steps: int) -> str:
-    """A sentence on the steps of the reference that a recording does not tell; empty where it tells all."""
+    """A sentence on the steps of the reference that are not in a recording; empty where all are."""
     those = "1 step of the reference is" if steps == 1 else f"{steps} steps of the reference are"
-    return f"{those} not in the recording: the recorded scenario stands in" if steps else ""
+    return f"{those} not in the recording: the recorded scenario's own values are used" if steps else ""
 
 
-def at_the_latest(values: dict[str, Any], name: str) -> str:
+def at_the_latest(values: dict[str, Any], name: str, value: object) -> str:
     """Words behind the label of a time that may lie before what was recorded."""
-    in_doubt = name in _SINCE_WHEN and values["missing_steps"] and values[name] == values["begins_at_s"]
+    in_doubt = name in _SINCE_WHEN and values["missing_steps"] and value == values["begins_at_s"]
     return " (at the latest)" if in_doubt else ""
 
 
 def _change(change: dict[str, Any]) -> Row:
-    """A change in flight; a node without any parameter changed has only begun anew."""
+    """A change during the run; one without parameters is a restart of the node."""
     values = ", ".join(f"{name} = {value}" for name, value in change["parameters"].items())
-    return Row(f"{change['node']} from {change['time_s']:.3f} s on", values or "begun anew", "")
+    return Row(f"{change['node']} from {change['time_s']:.3f} s on", values or "restarted", "")
 
 
 def _value(values: dict[str, Any], name: str) -> float | str | None:
     first, _, rest = name.partition(".")
-    value: float | str | None = values[first][rest] if rest else values[first]
+    value: float | str | None = values.get(first, {}).get(rest) if rest else values.get(first)
     return value
 
 

@@ -1,4 +1,5 @@
-"""The messages of a recording by their steps: strangers' ones are left out and counted."""
+# SPDX-License-Identifier: Apache-2.0
+"""The messages of a recording by their steps; those that cannot be used are left out and counted."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -6,106 +7,72 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.messages import MessageError, StepGrid
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.recording.reader import RecordedTopic
 
 Floats = NDArray[np.float64]
-Times = NDArray[np.int64]
-_UNKNOWN = np.iinfo(np.int64).min
 
 
 class Rows(NamedTuple):
-    """Values by step, (steps + 1, width), NaN where `present` (steps + 1,) is False; when each was sent [ns]."""
+    """Values by step, (steps + 1, width), NaN where `present` (steps + 1,) is False."""
 
     values: Floats
     present: NDArray[np.bool_]
-    sent_ns: Times
 
     @property
     def first(self) -> int | None:
         """The first step present, None without any."""
-        steps = np.flatnonzero(self.present)
-        return int(steps[0]) if len(steps) else None
+        return int(np.argmax(self.present)) if self.present.any() else None
 
     @property
     def last(self) -> int:
         """The last step present, -1 without any."""
-        steps = np.flatnonzero(self.present)
-        return int(steps[-1]) if len(steps) else -1
+        return int(np.flatnonzero(self.present)[-1]) if self.present.any() else -1
 
     def held(self) -> "Rows":
         """Each step without a value has that of the step before it."""
         newest = np.maximum.accumulate(np.where(self.present, np.arange(len(self.present)), -1))
-        return Rows(self.values[newest], newest >= 0, self.sent_ns[newest])
+        return Rows(self.values[newest], newest >= 0)
 
 
 class RecordedSteps:
-    """The topics of one flight; `ignored` counts, by topic, what has no step in it or cannot be understood."""
+    """The topics of one run; `ignored` counts, by topic, the messages without a step of the run or of no use."""
 
     def __init__(self, scenario: Scenario, topics: Mapping[str, RecordedTopic], namespace: str) -> None:
         self.ignored: dict[str, int] = {}
-        self._scenario, self._topics, self._namespace = scenario, topics, namespace
+        self.grid = StepGrid(scenario.stamp_ns(0), scenario.dt_ns)
+        self._steps, self._topics, self._namespace = scenario.steps, topics, namespace
 
     def messages(self, name: str) -> list[Any | None]:
-        """The messages of a topic, in the order of the file; None for bytes that are none."""
+        """The messages of a topic, in the order of the file; None for bytes that cannot be decoded."""
         topic = self._topics.get(f"{self._namespace}/{name}")
         return topic.readable if topic else []
 
-    def step_of(self, message: Any | None) -> int | None:
-        """The step of a message's stamp; None off the grid, outside of the flight and for what is no message."""
-        if message is None:
-            return None
-        stamp = message.header.stamp
-        after_ns = stamp.sec * 1_000_000_000 + stamp.nanosec - self._scenario.stamp_ns(0)
-        k, rest = divmod(after_ns, self._scenario.dt_ns)
-        return None if rest or not 0 <= k <= self._scenario.steps else int(k)
+    def read(self, name: str, read: Callable[[Any], Any]) -> list[Any]:
+        """What `read` makes of each message of a topic; without those that it refuses by `MessageError`."""
+        found, messages = [], self.messages(name)
+        for message in messages:
+            try:
+                if message is not None:
+                    found.append(read(message))
+            except MessageError:
+                continue
+        self.ignored[name] = len(messages) - len(found)
+        return found
 
-    def with_steps(self, name: str) -> list[tuple[int, Any]]:
-        """Step and message of those that have one."""
-        found = [(self.step_of(message), message) for message in self.messages(name)]
-        kept = [(k, message) for k, message in found if k is not None]
-        self.count(name, len(found) - len(kept))
-        return kept
+    def step_of(self, message: Any) -> int:
+        """The step of a message's stamp; `MessageError` off the grid and outside of the run."""
+        k = self.grid.step_of(message.header.stamp)
+        if k > self._steps:
+            raise MessageError("stamp", f"its step {k} is after the end")
+        return k
 
-    def count(self, name: str, ignored: int) -> None:
-        """So many messages of a topic were left out."""
-        if ignored:
-            self.ignored[name] = ignored
-
-    def rows(
-        self, name: str, width: int, values_of: Callable[[Any], Any], not_before_ns: Times | None = None
-    ) -> Rows:
-        """Of several messages of one step the first that was sent in time, finite ones before others.
-
-        In time is a message not sent before `not_before_ns` (steps + 1,), what it answers or tells of; without it,
-        not before the message of the step before. Where none was, the first counts.
-        """
-        size = self._scenario.steps + 1
-        rows = Rows(np.full((size, width), np.nan), np.zeros(size, np.bool_), np.full(size, _UNKNOWN))
-        found, ignored = self._candidates(name, width, values_of)
-        self.count(name, ignored)
-        earliest_ns = _UNKNOWN
-        for k in sorted(found):
-            if not_before_ns is not None:
-                earliest_ns = int(not_before_ns[k])
-            in_time = [one for one in found[k] if one[0] >= earliest_ns] or found[k]
-            finite = [one for one in in_time if np.isfinite(one[1]).all()] or in_time
-            earliest_ns, rows.values[k] = finite[0]
-            rows.present[k], rows.sent_ns[k] = True, earliest_ns
+    def rows(self, name: str, width: int, read: Callable[[Any], Floats]) -> Rows:
+        """The values (width,) of each step; of several messages of one step the first counts."""
+        size = self._steps + 1
+        rows = Rows(np.full((size, width), np.nan), np.zeros(size, np.bool_))
+        for k, values in self.read(name, lambda message: (self.step_of(message), read(message))):
+            if not rows.present[k]:
+                rows.values[k], rows.present[k] = values, True
         return rows
-
-    def _candidates(
-        self, name: str, width: int, values_of: Callable[[Any], Any]
-    ) -> tuple[dict[int, list[tuple[int, Any]]], int]:
-        """By step, when each message was sent and what it says; and how many say nothing."""
-        topic = self._topics.get(f"{self._namespace}/{name}")
-        found: dict[int, list[tuple[int, Any]]] = {}
-        ignored = 0
-        for message, sent_ns in zip(topic.readable, topic.publish_times_ns, strict=True) if topic else ():
-            k = self.step_of(message)
-            values = None if k is None else values_of(message)
-            if k is None or values is None or len(values) != width:
-                ignored += 1
-            else:
-                found.setdefault(k, []).append((int(sent_ns), values))
-        return found, ignored

@@ -1,4 +1,5 @@
-"""One flight as a page that can be sent by mail: metrics, figure, scenario and versions in a single file."""
+# SPDX-License-Identifier: Apache-2.0
+"""One run as a page that can be sent by mail: metrics, figure, scenario and versions in a single file."""
 
 import base64
 from collections.abc import Mapping
@@ -7,8 +8,8 @@ from string import Template
 from typing import Any
 
 from skydiver_utc.analysis.labels import missing, rows
+from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import to_yaml
-from skydiver_utc.simulation.flight import Flight
 
 _PAGE = Template("""\
 <!DOCTYPE html>
@@ -37,7 +38,7 @@ $missing
 $metrics
 </table>
 <img src="data:image/png;base64,$png"
-     alt="body rate and reference, tracking error and the four controls over time">
+     alt="outputs and reference, tracking error and controls over time">
 <details><summary>Scenario, resolved</summary>
 <pre>$scenario</pre>
 </details>
@@ -47,11 +48,11 @@ $versions
 """)
 
 
-def report_html(flight: Flight, values: dict[str, Any], png: bytes, versions: Mapping[str, str]) -> str:
-    """The page of a flight from its metrics, its figure and the versions it was flown with (may be empty)."""
-    scenario = flight.scenario
+def report_html(run: Run, values: dict[str, Any], png: bytes, versions: Mapping[str, str]) -> str:
+    """The page of a run from its metrics, its figure and the versions it was made with (may be empty)."""
+    scenario = run.scenario
     return _PAGE.substitute(
-        title=escape(scenario.title),
+        title=escape(scenario.title or scenario.name),
         description=escape(scenario.description),
         outcome=escape(values["outcome"].replace("_", " ")),
         reason=escape(values["reason"]),

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of many flights: sweeps of one parameter, and random tunings."""
 
 from collections.abc import Mapping, Sequence

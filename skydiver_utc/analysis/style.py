@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How every figure of the package looks, and how it becomes a file."""
 
 from collections.abc import Iterator

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every claim that the paper makes in words, in its order, beside what was measured."""
 
 from collections.abc import Callable

@@ -1,20 +1,21 @@
-"""What a claim is, and what deciding one needs."""
+# SPDX-License-Identifier: Apache-2.0
+"""A claim of the paper, and how it is decided."""
 
 from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
 
+from skydiver_utc.studies.cases import Case, amplitude_deg_s, shipped
 from skydiver_utc.studies.markdown import figure
+from skydiver_utc.studies.paper_cases import M0_C2, M1_C2, M1_C3
 from skydiver_utc.studies.paper_results import PaperResults
-from skydiver_utc.studies.paper_runs import M0_C2, M1_C2, M1_C3
-from skydiver_utc.studies.runs import Measures, Run, shipped
 
 CLEARLY = 1.5  # times worse, to count as clearly worse
 PAPER_UTC = (M0_C2, M1_C2, M1_C3)
 
 
 class Verdict(str, Enum):
-    """What the measurement says of a claim."""
+    """Whether a claim agrees with the measurements."""
 
     HOLDS = "holds"
     PARTLY = "partly"
@@ -38,21 +39,16 @@ def judge(parts: Sequence[bool]) -> Verdict:
     return Verdict.PARTLY if any(parts) else Verdict.FAILS
 
 
-def amplitude(one: Run) -> float:
+def amplitude(one: Case) -> float:
     """Largest yaw rate wanted [deg/s]."""
-    return shipped(one.scenario).reference.amplitude_or_level_deg_s
+    return amplitude_deg_s(shipped(one.scenario))
 
 
-def rmse_of(results: PaperResults, runs: Sequence[Run]) -> list[float]:
-    """RMSE of several runs [deg/s]."""
-    return [results.of(one).rmse for one in runs]
+def rmse_of(results: PaperResults, cases: Sequence[Case]) -> list[float]:
+    """RMSE of several cases [deg/s]."""
+    return [results.of(one).rmse for one in cases]
 
 
 def listed(values: Sequence[float]) -> str:
     """Several values, two digits each."""
     return ", ".join(figure(value) for value in values)
-
-
-def effort(one: Measures) -> float:
-    """Control effort for comparisons: infinite for a flight that has none."""
-    return float("inf") if one.control_effort is None else one.control_effort

@@ -1,6 +1,7 @@
+# SPDX-License-Identifier: Apache-2.0
 """Claims about the skydiver: what the pose controller, the posture and the hands can do."""
 
-from skydiver_utc.studies import paper_runs as flown
+from skydiver_utc.studies import paper_cases as flown
 from skydiver_utc.studies.claim import PAPER_UTC, Claim, amplitude, judge, listed, rmse_of
 from skydiver_utc.studies.markdown import figure, percent
 from skydiver_utc.studies.paper_results import PaperResults

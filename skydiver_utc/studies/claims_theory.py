@@ -1,13 +1,15 @@
-"""The paper's claims about linear plants, computed and held against the package's UTC."""
+# SPDX-License-Identifier: Apache-2.0
+"""The paper's claims about linear plants, computed and compared with the package's UTC."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.loop.linear_loop import measured_decay, updated_control
 from skydiver_utc.parameters.linear_plant import load_linear_plant
-from skydiver_utc.simulation.linear_loop import measured_decay, updated_control
+from skydiver_utc.plants.linear import LinearModel, linear_model
 from skydiver_utc.studies.claim import Claim, judge
 from skydiver_utc.studies.paper_results import PaperResults
-from skydiver_utc.theory.linear_plant import LinearPlant, to_the_horizon, zero_order_hold
+from skydiver_utc.theory.linear_plant import to_the_horizon
 from skydiver_utc.theory.riccati import Riccati, output_riccati
 from skydiver_utc.theory.stability import analyse
 from skydiver_utc.theory.steady_gain import gain
@@ -53,8 +55,7 @@ def _random_covariance(generator: np.random.Generator, size: int) -> Array:
 def stability(_results: PaperResults) -> Claim:
     """The conclusion's outlook."""
     given = load_linear_plant(_PLANT)
-    A, B = zero_order_hold(np.array(given.A), np.array(given.B), given.dt_s)
-    plant = LinearPlant(A, B, np.eye(len(A)) if given.C is None else np.array(given.C))
+    plant = linear_model(given, given.dt_s)
     Qu, P_err = given.process_noise, np.diag(given.P_err)
     without, with_term, decays = {}, {}, {}
     for steps in (1, _LONGER):
@@ -84,7 +85,7 @@ def stability(_results: PaperResults) -> Claim:
     )
 
 
-def _mismatch(plant: LinearPlant, Pu: Array, P_err: Array, steps: int, terms: Riccati) -> float:
+def _mismatch(plant: LinearModel, Pu: Array, P_err: Array, steps: int, terms: Riccati) -> float:
     """X - (A - B L)' X (A - B L) less the terms, over the largest entry of X = C' P_err^-1 C."""
     F, H = to_the_horizon(plant, steps)
     X = plant.C.T @ np.linalg.solve(P_err, plant.C)

@@ -1,11 +1,12 @@
+# SPDX-License-Identifier: Apache-2.0
 """Claims about UTC as it is configured in the paper."""
 
-from skydiver_utc.parameters import UtcParameters
-from skydiver_utc.studies import paper_runs as flown
+from skydiver_utc.controllers.utc.settings import UtcSettings
+from skydiver_utc.studies import paper_cases as flown
+from skydiver_utc.studies.cases import shipped
 from skydiver_utc.studies.claim import CLEARLY, PAPER_UTC, Claim, Verdict, judge, listed, rmse_of
 from skydiver_utc.studies.markdown import figure, percent
 from skydiver_utc.studies.paper_results import PaperResults
-from skydiver_utc.studies.runs import shipped
 
 _BARS = (4.0, 6.0, 4.0)  # RMSE [deg/s] of PAPER_UTC
 _LAYOUT_DEG = 10.0
@@ -83,13 +84,13 @@ def cheaper(results: PaperResults) -> Claim:
 def no_convergence_problems(results: PaperResults) -> Claim:
     """Steps without an answer."""
     usual = {one.command for one in flown.CONFIGURATIONS.values()}
-    runs = flown.all_runs()
+    cases = flown.all_cases()
     utc = {
         name
-        for name in {one.scenario for one in runs.values()}
-        if isinstance(shipped(name).controller, UtcParameters)
+        for name in {one.scenario for one in cases.values()}
+        if isinstance(shipped(name).controller, UtcSettings)
     }
-    flights = {command: one for command, one in results.measures.items() if runs[command].scenario in utc}
+    flights = {command: one for command, one in results.measures.items() if cases[command].scenario in utc}
     steps = sum(sum(one.status_steps.values()) for one in flights.values())
     repaired = sum(one.status_steps["repaired"] for one in flights.values())
     kept = {command: one.status_steps["kept_previous"] for command, one in flights.items()}

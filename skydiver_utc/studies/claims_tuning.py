@@ -1,16 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
 """Claims about UTC's parameters: what each does and how much it matters."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
-from skydiver_utc.parameters import UtcParameters
-from skydiver_utc.simulation.build import control_limits
-from skydiver_utc.studies import paper_runs as flown
-from skydiver_utc.studies.claim import CLEARLY, Claim, Verdict, effort, judge, listed, rmse_of
+from skydiver_utc.controllers.utc.settings import UtcSettings
+from skydiver_utc.loop.registry import build_plant
+from skydiver_utc.studies import paper_cases as flown
+from skydiver_utc.studies.cases import shipped
+from skydiver_utc.studies.claim import CLEARLY, Claim, Verdict, judge, listed, rmse_of
 from skydiver_utc.studies.markdown import figure, percent
 from skydiver_utc.studies.paper_results import PaperResults
-from skydiver_utc.studies.runs import shipped
 
 _BAR_WITHOUT_COUPLING = 15.0  # RMSE [deg/s]
 _ORDER_OF_MAGNITUDE = 0.1  # of an actuator's range
@@ -19,11 +20,11 @@ _NEAR_BEST = 1.5  # times the best RMSE of a sweep
 
 def p_err(results: PaperResults) -> Claim:
     """What P_err trades."""
-    found = [[results.of(one) for one in flown.P_ERR.runs(name)] for name in flown.SWEPT]
+    found = [[results.of(one) for one in flown.P_ERR.cases(name)] for name in flown.SWEPT]
     accuracy = [_never_falls([one.rmse for one in row]) for row in found]
-    thrift = [_never_falls([-effort(one) for one in row]) for row in found]
+    thrift = [_never_falls([-one.effort for one in row]) for row in found]
     ends = "; ".join(
-        f"`{name}`: RMSE {listed([one.rmse for one in row])}; effort {effort(row[0]):.2f} to {effort(row[-1]):.2f}"
+        f"`{name}`: RMSE {listed([one.rmse for one in row])}; effort {row[0].effort:.2f} to {row[-1].effort:.2f}"
         for name, row in zip(flown.SWEPT, found, strict=True)
     )
     return Claim(
@@ -55,7 +56,7 @@ def _chosen_by_tuning(
 ) -> Claim:
     texts, near = [], []
     for name, value in zip(flown.SWEPT, chosen, strict=True):
-        rmse = dict(zip(sweep.values, rmse_of(results, sweep.runs(name)), strict=True))
+        rmse = dict(zip(sweep.values, rmse_of(results, sweep.cases(name)), strict=True))
         best = min(rmse, key=rmse.__getitem__)
         texts.append(
             f"`{name}`: {figure(rmse[value])} at {value:g}, best {figure(rmse[best])} at {best:g}, worst"
@@ -122,9 +123,9 @@ def accurate_without(results: PaperResults) -> Claim:
 
 def least_effort(results: PaperResults) -> Claim:
     """What utc_m1_c3 is for."""
-    q3, others = effort(results.of(flown.M1_C3)), (flown.M0_C2, flown.M1_C2, flown.M0_C3)
-    coupled = [effort(results.of(one)) for one in others]
-    none = [effort(results.of(one)) for one in (flown.M0_NONE, flown.M1_NONE)]
+    q3, others = results.of(flown.M1_C3).effort, (flown.M0_C2, flown.M1_C2, flown.M0_C3)
+    coupled = [results.of(one).effort for one in others]
+    none = [results.of(one).effort for one in (flown.M0_NONE, flown.M1_NONE)]
     return Claim(
         "The control effort is least with eq:m1utc and eq_q3 (`utc_m1_c3`)",
         "least of the configurations with coupling, and of all",
@@ -151,12 +152,13 @@ def insensitive(results: PaperResults) -> Claim:
 def convenient(results: PaperResults) -> Claim:
     """The conclusion's third advantage."""
     scenario = shipped(flown.M0_C2.scenario)
-    p, limits = scenario.controller, control_limits(scenario)
-    assert isinstance(p, UtcParameters)
-    variances = [p.variance_Cm_damp_yaw, p.variance_k_right, p.variance_k_left, p.variance_alpha]
-    deviations = [math.sqrt(variance) for variance in variances]
-    shares = [d / span for d, span in zip(deviations, limits.maximum - limits.minimum, strict=True)]
-    sizes = (p.covariance_12, p.covariance_13, p.covariance_14)
+    p, plant = scenario.controller, build_plant(scenario)
+    assert isinstance(p, UtcSettings)
+    assert isinstance(p.Pu, Mapping)
+    assert p.coupling is not None
+    deviations = [math.sqrt(p.Pu[name]) for name in plant.control_names]
+    shares = [d / span for d, span in zip(deviations, plant.maximum - plant.minimum, strict=True)]
+    sizes = (p.coupling.k_right, p.coupling.k_left, p.coupling.alpha)
     correlations = [size / deviations[0] / d for size, d in zip(sizes, deviations[1:], strict=True)]
     first, second = (results.of(one).hands_correlation or 0.0 for one in (flown.M1_C2, flown.M1_C3))
     return Claim(

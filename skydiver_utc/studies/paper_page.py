@@ -1,14 +1,15 @@
+# SPDX-License-Identifier: Apache-2.0
 """The comparison with the paper as a page in Markdown: nothing but what the results hold."""
 
-from skydiver_utc.studies import paper_runs as flown
+from skydiver_utc.studies import paper_cases as flown
+from skydiver_utc.studies.cases import Case, Measures, shipped
 from skydiver_utc.studies.checklist import checklist
 from skydiver_utc.studies.markdown import figure, table
 from skydiver_utc.studies.paper_results import QUICK_S, PaperResults
-from skydiver_utc.studies.runs import Measures, Run, shipped
 from skydiver_utc.studies.tuning_page import tuning_section
 
 CONFIGURATION_HEAD = ("configuration", "code", "RMSE", "largest", "converged", "peak", "effort")
-QUICK_WARNING = f"The quick form: only the first {QUICK_S:g} s of each flight. Its figures say nothing."
+QUICK_WARNING = f"The quick form: only the first {QUICK_S:g} s of each run. Its figures mean nothing."
 _ALTERNATIVE_TEXT = {
     "ff6": "The pose controller fails the fast turn",
     "utc_m0_c2": "UTC, dynamics of alpha unknown, coupling eq_q1",
@@ -25,8 +26,8 @@ def page(results: PaperResults) -> str:
         _claims(results),
         "## Configurations\n",
         table(CONFIGURATION_HEAD, configuration_rows(results)),
-        "## Readings\n\nThe flight with the other reading than the default one, all else as in its scenario.\n",
-        _readings(results),
+        "## Variants of the equations\n\nThe run with the other variant, all else as in its scenario.\n",
+        _variants(results),
         "## The paper's hand force\n\nK_N = 100 N as printed. What each part contributes:\n",
         _hands(results),
         "## Moving limbs\n\nRMSE when the plant feels its limbs' motion, which the controllers' model does not.\n",
@@ -41,13 +42,13 @@ def page(results: PaperResults) -> str:
 
 def _introduction(results: PaperResults) -> str:
     quick = f"\n**{QUICK_WARNING}**\n" if results.quick else ""
-    return f"""# The paper's results, flown again
+    return f"""# The paper's results, run again
 
 Written by `skydiver-utc compare paper --out FOLDER`; do not edit. `make paper` makes it all again.
 {quick}
 The figures are ours, on our plant. RMSE, largest error and peak are those of the yaw rate after 2 s, in deg/s.
 Converged is the time from which on the error stays inside 5 % of the amplitude; late: in the second half of the
-flight, where it may be chance. Effort is the time mean of the squared, range-scaled distance of the controls from
+run, where it may be chance. Effort is the time mean of the squared, range-scaled distance of the controls from
 the initial ones. The fast turn is 400 deg/s sin(2 pi 0.2 t) for 20 s, the slow turn 180 deg/s sin(2 pi 0.1 t).
 A code column holds what follows `skydiver-utc simulate`.
 """
@@ -69,7 +70,7 @@ def configuration_rows(results: PaperResults) -> list[tuple[str, ...]]:
     ]
 
 
-def _cells(one: Run, found: Measures) -> tuple[str, ...]:
+def _cells(one: Case, found: Measures) -> tuple[str, ...]:
     return (
         _rmse(found),
         figure(found.max_abs_error_deg_s),
@@ -79,7 +80,7 @@ def _cells(one: Run, found: Measures) -> tuple[str, ...]:
     )
 
 
-def _converged(one: Run, found: Measures) -> str:
+def _converged(one: Case, found: Measures) -> str:
     """The convergence time in words."""
     if found.convergence_time_s is None:
         return "never"
@@ -88,21 +89,21 @@ def _converged(one: Run, found: Measures) -> str:
 
 
 def _rmse(found: Measures) -> str:
-    """RMSE, and how the flight ended where it did not end well."""
+    """RMSE, and the outcome where it is not "completed"."""
     ended = "" if found.outcome == "completed" else f", {found.outcome.replace('_', ' ')}"
     return figure(found.rmse_deg_s) + ended
 
 
-def _readings(results: PaperResults) -> str:
+def _variants(results: PaperResults) -> str:
     rows = []
-    for reading in flown.READINGS:
-        one = reading.flown
+    for variant in flown.VARIANTS:
+        one = variant.flown
         measured = ("-", "-", "-")
         if one is not None:
-            default = next(run for run in flown.FIGURES.values() if run.scenario == one.scenario)
+            default = next(other for other in flown.FIGURES.values() if other.scenario == one.scenario)
             measured = (f"`{one.command}`", _rmse(results.of(one)), _rmse(results.of(default)))
-        rows.append((reading.point, reading.printed, reading.happens or "-", reading.working, *measured))
-    head = ("point", "other reading", "what happens then", "default", "code", "RMSE", "RMSE, default")
+        rows.append((variant.point, variant.printed, variant.happens or "-", variant.working, *measured))
+    head = ("point", "other variant", "what happens then", "default", "code", "RMSE", "RMSE, default")
     return table(head, rows)
 
 

@@ -1,19 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
 """The measured side of the comparison with the paper, as it is kept in ``results.json``."""
 
-import msgspec
+import time
 
-from skydiver_utc.simulation.flight import Flight
-from skydiver_utc.studies.hand_push import HandPush, hand_push
-from skydiver_utc.studies.paper_runs import FIGURES, M0_C2, PRINTED_HANDS, all_runs
-from skydiver_utc.studies.runs import Done, Measures, Run, fly_all, measure, run, whole
-from skydiver_utc.studies.step_cost import StepCost, step_cost
+import numpy as np
+
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
+from skydiver_utc.loop.run import Run
+from skydiver_utc.parameters import Parameters
+from skydiver_utc.rotations import world_up
+from skydiver_utc.studies.cases import Case, Done, Measures, case, measure, run_all, whole
+from skydiver_utc.studies.paper_cases import FIGURES, M0_C2, PRINTED_HANDS, all_cases
 from skydiver_utc.studies.tuning_summary import TuningSummary
 
 QUICK_S = 5.0
+_PUSHED_S = 1.0
+_TIMED_S, _IN_A_ROW = 2.0, 20
 
 
-class PaperResults(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Measures of every flight by its command; `tuning` is kept in a file of its own.
+class HandPush(Parameters):
+    """Bank to the right [deg] and yaw rate to the left [deg/s] after the left hand was pressed fully for 1 s."""
+
+    bank_right_deg: float
+    yaw_rate_deg_s: float
+
+
+class StepCost(Parameters):
+    """Processor time of one Gauss-Newton iteration as a multiple of UTC's decision, both 20 steps ahead.
+
+    held: for one control over the horizon, which is what UTC finds; every_step: for a control of each step.
+    """
+
+    held: float
+    every_step: float
+
+
+class PaperResults(Parameters):
+    """Measures of every run by its command; `tuning` is kept in a file of its own.
 
     `cost` alone comes from a clock, and differs from run to run.
     """
@@ -24,31 +48,72 @@ class PaperResults(msgspec.Struct, frozen=True, omit_defaults=True):
     push: HandPush
     push_printed: HandPush
     cost: StepCost | None = None
-    tuning: list[TuningSummary] = []
+    tuning: tuple[TuningSummary, ...] = ()
 
-    def of(self, one: Run) -> Measures:
-        """Measures of a run."""
+    def of(self, one: Case) -> Measures:
+        """Measures of a case."""
         return self.measures[one.command]
 
 
-def fly_comparison(quick: bool, jobs: int, done: Done) -> tuple[PaperResults, dict[str, Flight]]:
-    """Fly everything; also the flights of the paper's figures, whole, by the figures' names.
+def run_comparison(quick: bool, jobs: int, done: Done) -> tuple[PaperResults, dict[str, Run]]:
+    """Run everything; also the runs of the paper's figures, whole, by the figures' names.
 
-    A quick comparison flies only the first `QUICK_S` of each flight: it shows that everything works, not how well.
+    A quick comparison has only the first `QUICK_S` of each run: it shows that everything works, not how well.
     """
     duration_s = QUICK_S if quick else None
     drawn = {label: one.load(duration_s) for label, one in FIGURES.items()}
-    flights = fly_all(drawn, whole, jobs, done)
-    shown = {one.command: label for label, one in FIGURES.items()}
-    others = {command: one.load(duration_s) for command, one in all_runs().items() if command not in shown}
-    found = fly_all(others, measure, jobs, lambda count: done(count + len(flights)))
-    found |= {command: measure(flights[label]) for command, label in shown.items()}
+    runs = run_all(drawn, whole, jobs, done)
+    in_figures = {one.command: label for label, one in FIGURES.items()}
+    others = {
+        command: one.load(duration_s) for command, one in all_cases().items() if command not in in_figures
+    }
+    found = run_all(others, measure, jobs, lambda count: done(count + len(runs)))
+    found |= {command: measure(runs[label]) for command, label in in_figures.items()}
     results = PaperResults(
         schema_version=1,
         quick=quick,
-        measures={command: found[command] for command in all_runs()},
+        measures={command: found[command] for command in all_cases()},
         push=hand_push(M0_C2),
-        push_printed=hand_push(run(M0_C2.scenario, PRINTED_HANDS)),
+        push_printed=hand_push(case(M0_C2.scenario, PRINTED_HANDS)),
         cost=step_cost(),
     )
-    return results, flights
+    return results, runs
+
+
+def hand_push(one: Case) -> HandPush:
+    """Press the left hand of the case's skydiver in a straight fall, without a controller."""
+    scenario = one.load()
+    plant = build_plant(scenario)
+    state, held = plant.initial_state(), plant.initial_applied()
+    pressed = plant.initial_control()
+    pressed[2] = plant.maximum[2]
+    for _ in range(round(_PUSHED_S / scenario.dt_s)):
+        before, held = held, plant.actuate(pressed, held)
+        state = plant.step(state, before, held)
+    return HandPush(
+        bank_right_deg=round(float(np.rad2deg(np.arcsin(world_up(state)[1]))), 3),
+        yaw_rate_deg_s=round(float(np.rad2deg(state[12])), 3),
+    )
+
+
+def step_cost() -> StepCost:
+    """Median times at the states of UTC's own run, some decisions of each controller in turn."""
+    run = simulate(M0_C2.load(_TIMED_S))
+    reference = build_reference(run.scenario)
+    cases = [
+        M0_C2,
+        case("fast_turn_gauss_newton_held"),
+        case("fast_turn_gauss_newton", ("controller.blocks", 20)),
+    ]
+    controllers = [build_controller(one.load(), run.plant, reference) for one in cases]
+    taken: list[list[float]] = [[] for _ in controllers]
+    for begin in range(0, len(run.commands) - _IN_A_ROW, _IN_A_ROW):
+        for times, controller in zip(taken, controllers, strict=True):
+            for k in range(begin, begin + _IN_A_ROW):
+                preview = reference.preview(k, controller.preview_steps + 1)
+                start = time.process_time()
+                controller.decide(run.states[k], preview)
+                times.append(time.process_time() - start)
+    # The first turn compiles.
+    utc, held, every_step = (float(np.median(times[_IN_A_ROW:])) for times in taken)
+    return StepCost(held=float(f"{held / utc:.2g}"), every_step=float(f"{every_step / utc:.2g}"))

@@ -1,35 +1,36 @@
-"""How much the tuning matters: random covariances around the scenario's own, and what comes of each flight."""
+# SPDX-License-Identifier: Apache-2.0
+"""How much the tuning matters: runs with random covariances around the scenario's own."""
 
 import csv
 import io
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.parameters import ParameterError, Scenario, UtcParameters
-from skydiver_utc.studies.runs import Done, Measures, fly_all, measure
+from skydiver_utc.controllers.utc.settings import UtcSettings
+from skydiver_utc.parameters import ParameterError, Scenario, leaves, override
+from skydiver_utc.studies.cases import Done, Measures, measure, run_all
 
-# Everything in UTC that is a covariance.
+# The covariances of UTC, below `controller`.
 FACTORS = (
-    "variance_Cm_damp_yaw",
-    "variance_k_right",
-    "variance_k_left",
-    "variance_alpha",
-    "covariance_12",
-    "covariance_13",
-    "covariance_14",
+    "Pu.Cm_damp_yaw",
+    "Pu.k_right",
+    "Pu.k_left",
+    "Pu.alpha",
+    "coupling.k_right",
+    "coupling.k_left",
+    "coupling.alpha",
     "Qu_ratio",
     "P_err",
 )
-_DIGITS = 4  # of a factor, so that a row of the table flies again as it was flown
+_DIGITS = 4  # of a factor, so that a row of the table gives the same run again
 _OWN = "own"
 
 
 class Tuning(NamedTuple):
-    """One flight of the study: its factors on the scenario's covariances, in the order of FACTORS."""
+    """One run of the study: its factors on the scenario's covariances, in the order of FACTORS."""
 
     factors: tuple[float, ...]
     measures: Measures
@@ -52,26 +53,26 @@ def draw(count: int, seed: int, reach: float) -> NDArray[np.float64]:
 
 
 def check_tunable(scenario: Scenario) -> Scenario:
-    """The scenario, if UTC flies it; raises `ParameterError`."""
-    if not isinstance(scenario.controller, UtcParameters):
-        raise ParameterError(f"scenario {scenario.name} has no covariances to tune: give one that UTC flies")
+    """The scenario, if its controller is UTC; raises `ParameterError`."""
+    if not isinstance(scenario.controller, UtcSettings):
+        raise ParameterError(f"scenario {scenario.name} has no covariances to tune: give one with UTC")
     return scenario
 
 
 def retuned(scenario: Scenario, factors: Sequence[float]) -> Scenario:
     """The scenario with each covariance times its factor."""
-    controller = scenario.controller
-    changed = {
-        name: getattr(controller, name) * factor for name, factor in zip(FACTORS, factors, strict=True)
-    }
-    return msgspec.structs.replace(scenario, controller=msgspec.structs.replace(controller, **changed))
+    own = {leaf.name: float(leaf.value) for leaf in leaves(scenario.controller) if leaf.name in FACTORS}  # type: ignore[arg-type]
+    return override(
+        scenario,
+        {f"controller.{name}": own[name] * factor for name, factor in zip(FACTORS, factors, strict=True)},
+    )
 
 
 def tune(scenario: Scenario, reach: float, count: int, seed: int, jobs: int, done: Done) -> Tunings:
-    """Fly a scenario as it is, and with `count` random tunings."""
+    """Run a scenario as it is, and with `count` random tunings."""
     factors = draw(count, seed, reach).tolist()
-    flights = {str(i): retuned(scenario, row) for i, row in enumerate(factors)} | {_OWN: scenario}
-    kept = fly_all(flights, measure, jobs, done)
+    scenarios = {str(i): retuned(scenario, row) for i, row in enumerate(factors)} | {_OWN: scenario}
+    kept = run_all(scenarios, measure, jobs, done)
     return Tunings(
         scenario, reach, kept[_OWN], [Tuning(tuple(row), kept[str(i)]) for i, row in enumerate(factors)]
     )

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tuning study in tables."""
 
 from collections.abc import Callable, Sequence
@@ -14,7 +15,7 @@ _COUNTS: dict[str, Callable[[TuningSummary], str]] = {
     "RMSE that 5 %, 50 %, 95 % stay below": lambda one: ", ".join(map(figure, one.rmse_quantiles)),
     "RMSE of the scenario's own tuning": lambda one: figure(one.own_rmse),
     "tunings with a smaller RMSE": lambda one: str(one.better_than_own),
-    "steps without an answer": lambda one: str(one.kept_previous_steps),
+    "steps without a solution": lambda one: str(one.kept_previous_steps),
 }
 
 
@@ -41,15 +42,15 @@ def _influence(one: TuningSummary, name: str) -> str:
 def tuning_section(summaries: Sequence[TuningSummary]) -> str:
     """The study's part of the page."""
     if not summaries:
-        return "## Random tunings\n\nNot flown: `skydiver-utc study tuning` into the same folder first.\n"
+        return "## Random tunings\n\nNot run: `skydiver-utc study tuning` into the same folder first.\n"
     return f"""## Random tunings
 
 Each covariance times a random factor, log-uniform within the bound named (`skydiver-utc study tuning`).
-Every flight is a row of a tuning_*.csv beside this page, with its factors on the scenario's own values.
+Every run is a row of a tuning_*.csv beside this page, with its factors on the scenario's own values.
 
 {table(head(summaries), count_rows(summaries))}
 Why: the rank correlation of each factor with the RMSE; then the share that converged in each quarter of the factor,
-low to high. Qu_14 is Qu_ratio times covariance_14, rho_14 the correlation of alpha and damping in Pu at the start.
+low to high. Qu_14 is Qu_ratio times coupling.alpha, rho_14 the correlation of alpha and damping in Pu at the start.
 
 {table(head(summaries), influence_rows(summaries))}
 ![RMSE of the random tunings](tuning.png)

@@ -1,41 +1,41 @@
-"""What many random tunings say together."""
+# SPDX-License-Identifier: Apache-2.0
+"""Counts and correlations over many random tunings."""
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.metrics import CONVERGED_SHARE
-from skydiver_utc.parameters import Scenario
-from skydiver_utc.studies.runs import Measures
+from skydiver_utc.parameters import Parameters, Scenario
+from skydiver_utc.studies.cases import Measures, amplitude_deg_s
 from skydiver_utc.studies.tuning import FACTORS, Tunings
 
 _FAST_S = 2.0
 _QUANTILES = (0.05, 0.5, 0.95)
 _PARTS = 4
 
-# Products of the factors that say more than each alone: the entry of Qu that couples alpha with the damping, and
-# the correlation of the two in Pu at the start. Exponents by factor.
+# Products of factors that explain more than each alone: the entry of Qu that couples alpha with the damping,
+# and the correlation of the two in Pu at the start. Exponents by factor.
 _PRODUCTS = {
-    "Qu_14": {"Qu_ratio": 1.0, "covariance_14": 1.0},
+    "Qu_14": {"Qu_ratio": 1.0, "coupling.alpha": 1.0},
     "rho_14": {
-        "covariance_14": 1.0,
-        "variance_Cm_damp_yaw": -0.5,
-        "variance_alpha": -0.5,
+        "coupling.alpha": 1.0,
+        "Pu.Cm_damp_yaw": -0.5,
+        "Pu.alpha": -0.5,
     },
 }
 
 
-class Influence(msgspec.Struct, frozen=True):
+class Influence(Parameters):
     """Of a factor: Spearman's rank correlation with the RMSE, and what share converged in each of its quarters."""
 
     rank_correlation: float
     converged: tuple[float, float, float, float]
 
 
-class TuningSummary(msgspec.Struct, frozen=True):
+class TuningSummary(Parameters):
     """One scenario under `count` random tunings, each covariance within a factor `reach`.
 
-    completed: flown to the end, belly to earth. converged: completed, and inside 5 % of the amplitude for good from
+    completed: to the end, belly to earth. converged: completed, and inside 5 % of the amplitude for good from
     the first half of the flight on; by_2_s: from 2 s on. tracked: RMSE at most 5 % of the amplitude.
     rmse_quantiles: what 5 %, 50 %, 95 % stay below [deg/s]; own_rmse is that of the scenario's own tuning.
     """
@@ -65,7 +65,7 @@ def summarise(tunings: Tunings) -> TuningSummary:
     rmse = np.array([one.rmse for one in found])
     converged_at = np.array([one.converged_at for one in found])
     converged = np.array([_has_converged(scenario, one) for one in found])
-    bar = CONVERGED_SHARE * scenario.reference.amplitude_or_level_deg_s
+    bar = CONVERGED_SHARE * amplitude_deg_s(scenario)
     # A value of the sample and not one between two, which does not exist beside a flight without an RMSE.
     quantiles = np.quantile(rmse, _QUANTILES, method="inverted_cdf")
     low, middle, high = (float(q) if np.isfinite(q) else None for q in quantiles)
@@ -86,7 +86,7 @@ def summarise(tunings: Tunings) -> TuningSummary:
 
 
 def _has_converged(scenario: Scenario, one: Measures) -> bool:
-    """Whether a flight converged, and not by chance shortly before its end."""
+    """Whether a run converged, and not by chance shortly before its end."""
     return one.outcome == "completed" and one.converged_at <= 0.5 * scenario.duration_s
 
 
@@ -106,4 +106,5 @@ def _influence(
 
     parts = np.array_split(converged[np.argsort(sizes, kind="stable")], _PARTS)
     first, second, third, fourth = (round(float(np.mean(part)), 3) for part in parts)
-    return Influence(round(float(spearmanr(sizes, rmse).statistic), 3), (first, second, third, fourth))
+    correlation = round(float(spearmanr(sizes, rmse).statistic), 3)
+    return Influence(rank_correlation=correlation, converged=(first, second, third, fourth))

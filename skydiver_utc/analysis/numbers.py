@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rows and times of a run, and what several figures are computed with."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.loop.run import Run
+from skydiver_utc.parameters import Scenario
+
+SETTLING_S = 2.0
+
+Floats = NDArray[np.float64]
+
+
+def settled(run: Run) -> slice:
+    """The rows whose errors count: from 2 s on, none of a diverged run."""
+    end = len(run.states)
+    return slice(end if run.outcome is Outcome.DIVERGED else row_from(SETTLING_S, run), end)
+
+
+def row_from(time_s: float, run: Run) -> int:
+    """The first row of a run at or after a time; the first of all where it begins later."""
+    return max(0, first_step_from(time_s, run.scenario) - run.first_step)
+
+
+def first_step_from(time_s: float, scenario: Scenario) -> int:
+    """The first step at or after a time."""
+    return math.ceil(round(time_s * 1e9) / scenario.dt_ns)
+
+
+def time_of(run: Run, row: int) -> float:
+    """Time [s] of a row."""
+    return (run.first_step + row) * run.scenario.dt_ns / 1e9
+
+
+def root_mean_square(values: Floats) -> float:
+    """Root of the mean square, NaN of no values."""
+    return math.sqrt(float(np.mean(np.square(values)))) if len(values) else math.nan
+
+
+def largest(values: Floats) -> float:
+    """Largest absolute value, NaN of no values."""
+    return float(np.max(np.abs(values))) if len(values) else math.nan
+
+
+def finite(value: float) -> float | None:
+    """The value, None for NaN and infinity."""
+    return value if math.isfinite(value) else None

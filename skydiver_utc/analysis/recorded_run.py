@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a recording back to the `Run`, message by message on the grid of steps."""
+
+import json
+import math
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.analysis.errors import AnalysisError
+from skydiver_utc.analysis.metrics import FLOWN_TO_ITS_END
+from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows
+from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.loop.registry import build_plant, build_reference
+from skydiver_utc.loop.run import ParameterChange, Run
+from skydiver_utc.messages import (
+    MessageError,
+    read_named,
+    read_odometry,
+    read_outcome,
+    read_preview,
+    run_id_of,
+)
+from skydiver_utc.parameters import ParameterError, Scenario, from_yaml, override
+from skydiver_utc.parameters.errors import MissingModuleError
+from skydiver_utc.recording.namespace import namespace_of
+from skydiver_utc.recording.reader import RecordedTopic, read_bag
+
+# What the controller node adds to the controller's own telemetry.
+_SOLVE_TIME, _STATUS = "solve_time", "status"
+
+Floats = NDArray[np.float64]
+Topics = Mapping[str, RecordedTopic]
+
+
+def read_run(path: Path | str) -> Run:
+    """The run that a run folder, a bag folder or an .mcap file holds.
+
+    Nothing but the bag is read. A run that ended early has the steps up to its last complete one; a bag without
+    an outcome gives outcome aborted and an unknown (NaN) wall time. A recorder that was started during the run
+    gives the steps from the first complete one on (`Run.first_step`). A step missing in between raises
+    `AnalysisError`, a path that is no bag `RecordingError`. Steps of the reference that are not recorded are
+    those of the recorded scenario (`RecordedRun.reference_added`). Messages that cannot be used are left out
+    (`RecordedRun.ignored`). Telemetry is optional: a step without it is NaN. In real time a step without a
+    command has the one before.
+    """
+    return RecordedRun(Path(path)).run()
+
+
+class RecordedRun:
+    """A recording: its scenario, plant, reference, run, and the previews that the controller received."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        topics: Topics = read_bag(path)
+        self._namespace = namespace_of(topics)
+        self.scenario, self.run_id, unusable = self._read_scenario(topics)
+        self.plant, self.reference = build_plant(self.scenario), build_reference(self.scenario)
+        self._steps = RecordedSteps(self.scenario, topics, self._namespace)
+        if unusable:
+            self._steps.ignored["scenario"] = unusable
+        self.reference_revised = 0  # see `previews`
+        self.reference_added = 0  # steps of the run made last whose reference is not recorded
+        self._ending = self._read_ending()
+        self.changes = self._read_changes()
+
+    def run(self) -> Run:
+        """The same as `read_run`."""
+        outcome = Outcome(self._ending.get("outcome", Outcome.ABORTED))
+        states = self._steps.rows("state", len(self.plant.state_names), self._state)
+        commands = self._controls("command")
+        if self.in_real_time:
+            commands = commands.held()
+        applied = self._controls("applied_command")
+        first = max(rows.first or 0 for rows in (states, commands, applied))
+        end = self.scenario.steps
+        if outcome not in FLOWN_TO_ITS_END:
+            end = max(first, min(states.last, commands.last + 1, applied.last + 1))
+        self._refuse_gaps("state", states, first, end + 1)
+        self._refuse_gaps("command", commands, first, end)
+        self._refuse_gaps("applied_command", applied, first, end)
+        names, telemetry = self._telemetry(first, end)
+        own = [j for j, name in enumerate(names) if name not in (_SOLVE_TIME, _STATUS)]
+        unknown = np.full(end - first, np.nan)
+        lasts = {"state": states.last, "command": commands.last, "applied_command": applied.last}
+        return Run(
+            scenario=self.scenario,
+            plant=self.plant,
+            states=states.values[first : end + 1],
+            commands=commands.values[first:end],
+            applied=applied.values[first:end],
+            reference=self._reference(first, end),
+            tracked_names=self.reference.outputs,
+            amplitude=self.reference.amplitude,
+            telemetry=telemetry[:, own],
+            telemetry_names=tuple(names[j] for j in own),
+            solve_time_s=telemetry[:, names.index(_SOLVE_TIME)] if names else unknown,
+            status=telemetry[:, names.index(_STATUS)] if names else unknown,
+            outcome=outcome,
+            reason=self._ending.get("reason") or self._without_an_outcome(end, lasts),
+            wall_time_s=self._ending.get("wall_time_s", math.nan),
+            changes=self.changes,
+            first_step=first,
+        )
+
+    @property
+    def ignored(self) -> Mapping[str, int]:
+        """By topic, how many messages were left out of what was read until now."""
+        return {name: count for name, count in self._steps.ignored.items() if count}
+
+    @property
+    def in_real_time(self) -> bool:
+        """True where the plant did not wait for commands: a state may have none."""
+        return "real_time" in self._ending
+
+    def previews(self, count: int) -> Floats:
+        """The reference (count, l) of the first steps by the previews, the newest one counts; NaN without.
+
+        `reference_revised` becomes the number of steps to which two previews give different values.
+        """
+        outputs = self.reference.outputs
+        values = np.full((count, len(outputs)), np.nan)
+        revised = np.zeros(count, np.bool_)
+        for k, rows in self._steps.read("reference", lambda m: read_preview(m, self._steps.grid, outputs)):
+            fitting = rows[: max(0, count - k)]
+            before = values[k : k + len(fitting)]
+            revised[k : k + len(fitting)] |= (~np.isnan(before) & (before != fitting)).any(axis=1)
+            values[k : k + len(fitting)] = fitting
+        self.reference_revised = int(revised.sum())
+        return values
+
+    def setpoints(self) -> Floats:
+        """The reference (steps + 1, l) by its setpoints, else by the previews; NaN where neither has it."""
+        outputs = self.reference.outputs
+        rows = self._steps.rows("reference/setpoint", len(outputs), lambda m: read_named(m, outputs))
+        if rows.present.all():
+            return rows.values
+        return np.where(rows.present[:, np.newaxis], rows.values, self.previews(len(rows.values)))
+
+    def _state(self, message: Any) -> Floats:
+        odometry = self.plant.state_message == "odometry"
+        return read_odometry(message) if odometry else read_named(message, self.plant.state_names)
+
+    def _controls(self, name: str) -> Rows:
+        names = self.plant.control_names
+        return self._steps.rows(name, len(names), lambda message: read_named(message, names))
+
+    def _reference(self, first: int, end: int) -> Floats:
+        values = self.setpoints()[first : end + 1]
+        missing = np.isnan(values)
+        self.reference_added = int(missing.any(axis=1).sum())
+        return (
+            np.where(missing, self.reference.preview(first, len(values)), values) if missing.any() else values
+        )
+
+    def _telemetry(self, first: int, end: int) -> tuple[tuple[str, ...], Floats]:
+        """The names of most messages, and the values (K, n)."""
+        names = [tuple(message.name) for message in self._steps.messages("controller/telemetry") if message]
+        common = Counter(found for found in names if {_SOLVE_TIME, _STATUS} <= set(found)).most_common(1)
+        if not common:
+            return (), np.empty((end - first, 0))
+        (most, _) = common[0]
+        rows = self._steps.rows("controller/telemetry", len(most), lambda message: read_named(message, most))
+        return most, rows.values[first:end]
+
+    def _without_an_outcome(self, end: int, lasts: Mapping[str, int]) -> str:
+        """Why the run ends here, and which topics go on."""
+        sentence = f"the recording has no outcome, it ends after {end} of {self.scenario.steps} steps"
+        longer = [f"{name} to step {last}" for name, last in lasts.items() if last > end]
+        return f"{sentence}, the last that all topics have ({', '.join(longer)})" if longer else sentence
+
+    def _read_scenario(self, topics: Topics) -> tuple[Scenario, str, int]:
+        """The last usable scenario sent before the first state, or else the first; its run's id; unusable ones."""
+        topic = topics.get(f"{self._namespace}/scenario")
+        if topic is None or not len(topic):
+            raise AnalysisError(
+                f"{self._path} has no {self._namespace}/scenario, so it is no recording of a run: give"
+                " the folder of one"
+            )
+        found: list[tuple[int, Scenario, str]] = []
+        fault = ""
+        for sent_ns, message in zip(topic.publish_times_ns, topic.readable, strict=True):
+            text = str(message.data) if message is not None else ""
+            try:
+                found.append((int(sent_ns), from_yaml(text), run_id_of(text)))
+            except MissingModuleError as error:
+                raise AnalysisError(
+                    f"the run in {self._path} has classes of a module {error.module}: put {error.module}.py into the"
+                    " current folder or on the PYTHONPATH"
+                ) from error
+            except ParameterError as error:
+                fault = fault or str(error)
+        if not found:
+            raise AnalysisError(
+                f"the scenario in {self._path} cannot be used ({fault}): analyse the recording with the version"
+                " in its versions.json"
+            )
+        states = topics.get(f"{self._namespace}/state")
+        begins_ns = states.publish_times_ns.min() if states else math.inf
+        _, scenario, run_id = next((each for each in reversed(found) if each[0] <= begins_ns), found[0])
+        return scenario, run_id, len(topic) - len(found)
+
+    def _read_ending(self) -> dict[str, Any]:
+        """The last outcome of this run, empty without one."""
+
+        def read(message: Any) -> dict[str, Any]:
+            found = read_outcome(str(message.data))
+            if found["outcome"] not in list(Outcome) or found["run_id"] != self.run_id:
+                raise MessageError("outcome", f"{found['outcome']} is not an outcome of this run")
+            return found
+
+        return next(reversed(self._steps.read("outcome", read)), {})
+
+    def _read_changes(self) -> tuple[ParameterChange, ...]:
+        """Parameters changed during the run, in the order of the steps; the later one of two of one step."""
+        found = {(change.step, change.node): change for change in self._steps.read("changes", self._change)}
+        return tuple(found[key] for key in sorted(found))
+
+    def _change(self, message: Any) -> ParameterChange:
+        try:
+            content = json.loads(str(message.data))
+            control = None if content["control"] is None else tuple(map(float, content["control"]))
+            change = ParameterChange(
+                str(content["node"]), int(content["step"]), dict(content["parameters"]), control
+            )
+            override(self.scenario, change.of_scenario)
+            fits = all(0 <= number <= self.scenario.steps for number in (change.step, change.delay_steps))
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
+            raise MessageError("change", f"it is no change of this run ({error})") from error
+        if not fits or (control is not None and len(control) != len(self.plant.control_names)):
+            raise MessageError("change", "it is no change of this run")
+        return change
+
+    def _refuse_gaps(self, name: str, rows: Rows, first: int, end: int) -> None:
+        missing = np.flatnonzero(~rows.present[first:end])
+        if len(missing):
+            raise AnalysisError(
+                f"{self._namespace}/{name} in {self._path} lacks {len(missing)} of {end - first} steps, the first"
+                f" is step {first + missing[0]}: `skydiver-utc replay` plays the messages that are there"
+            )

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Names and units of a plant's signals as people read them: angles in degrees."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from skydiver_utc.plants.protocol import Plant
+
+
+class Shown(NamedTuple):
+    """How a signal is shown: its name in words, its unit, and the factor from the plant's own unit."""
+
+    name: str
+    unit: str
+    factor: float
+
+    @property
+    def label(self) -> str:
+        """Name and unit, as on an axis."""
+        return f"{self.name} [{self.unit}]"
+
+
+def in_degrees(unit: str) -> tuple[str, float]:
+    """Radians (per second) as degrees: the unit shown, and the factor to it; other units as they are."""
+    return ("deg" + unit[3:], float(np.rad2deg(1.0))) if unit.split("/")[0] == "rad" else (unit, 1.0)
+
+
+def shown(plant: Plant, name: str, degrees: bool = True) -> Shown:
+    """How an output or a control of the plant is shown; without `degrees` in its own unit."""
+    unit, factor = plant.units.get(name, "1"), 1.0
+    if degrees:
+        unit, factor = in_degrees(unit)
+    return Shown(name.replace("_", " "), unit, factor)

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``skydiver-utc analyse``: metrics, figure and report of a run, from its bag alone."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from skydiver_utc.analysis.figures import tracking_figure
+from skydiver_utc.analysis.labels import reference_added
+from skydiver_utc.analysis.metrics import metrics, to_json
+from skydiver_utc.analysis.recorded_run import RecordedRun
+from skydiver_utc.analysis.report import report_html
+from skydiver_utc.analysis.style import png
+from skydiver_utc.cli.errors import CommandError
+from skydiver_utc.cli.screen import show_metrics
+from skydiver_utc.loop.run import Run
+
+
+def analyse(folder: Path, as_json: bool) -> Run:
+    """Read the run, write its metrics, figure and report beside the bag, print the metrics."""
+    run, values = examine(folder)
+    if as_json:
+        print(to_json(values))
+    else:
+        show_metrics(values, run.scenario.title or run.scenario.name)
+        if ignored := values["ignored_messages"]:
+            counts = ", ".join(f"{count} on {name}" for name, count in ignored.items())
+            click.echo(f"ignored messages, without a step of the run or unreadable: {counts}")
+        if sentence := reference_added(values["reference_steps_not_recorded"]):
+            click.echo(sentence)
+    return run
+
+
+def examine(folder: Path) -> tuple[Run, dict[str, Any]]:
+    """Read the run and write its metrics, figure and report beside the bag; the run and its metrics.
+
+    Metrics of a recording have three more: `run_id`; `ignored_messages`, by topic, without a step of the run or
+    unreadable; `reference_steps_not_recorded`, which are those of the recorded scenario.
+    """
+    if folder.is_file():
+        raise CommandError(f"{folder} is a file: give the run folder that it lies in")
+    recording = RecordedRun(folder)
+    run = recording.run()
+    values = {
+        **metrics(run),
+        "run_id": recording.run_id,
+        "ignored_messages": dict(recording.ignored),
+        "reference_steps_not_recorded": recording.reference_added,
+    }
+    figure = png(tracking_figure(run))
+    report = report_html(run, values, figure, _versions(folder / "versions.json"))
+    (folder / "metrics.json").write_text(to_json(values) + "\n", encoding="utf-8")
+    (folder / "tracking.png").write_bytes(figure)
+    (folder / "report.html").write_text(report, encoding="utf-8")
+    return run, values
+
+
+def _versions(path: Path) -> dict[str, str]:
+    """What the recorder wrote beside the bag, empty where it is missing."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``skydiver-utc replay --check``: the commands of a controller at the states of a recorded run."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Column, Table
+from rich.text import Text
+
+from skydiver_utc.analysis.controller_check import check as compute
+from skydiver_utc.analysis.controller_check import report
+from skydiver_utc.analysis.labels import reference_added
+from skydiver_utc.analysis.metrics import to_json
+from skydiver_utc.analysis.recorded_run import RecordedRun
+from skydiver_utc.cli.errors import CommandError
+from skydiver_utc.cli.outputs import check_figure_path
+from skydiver_utc.cli.settings import parse_setting
+from skydiver_utc.parameters import Scenario, load_scenario, override
+from skydiver_utc.parameters.exit_codes import FAILED
+
+# What the states and the reference of a recording belong to.
+_RECORDED = ("dt_s", "epoch_s", "duration_s", "reference")
+
+
+def check(
+    folder: Path, controller: str | None, settings: Sequence[str], figure: Path | None, as_json: bool
+) -> int:
+    """Compute the commands, print the differences; returns the exit code."""
+    check_figure_path(figure)
+    found = compute(RecordedRun(folder), lambda recorded: _other_scenario(recorded, controller, settings))
+    name = "the recorded controller" if controller is None else f"the controller of {controller}"
+    name = f"{name} with {', '.join(settings)}" if settings else name
+    values = {**report(found), "controller": name}
+    if figure is not None:
+        from skydiver_utc.analysis.check_figure import check_figure
+        from skydiver_utc.analysis.style import png
+
+        figure.write_bytes(png(check_figure(found, name)))
+    if as_json:
+        print(to_json(values))
+    else:
+        _show(values)
+    return 0 if found.equal else FAILED
+
+
+def _other_scenario(recorded: Scenario, controller: str | None, settings: Sequence[str]) -> Scenario:
+    """The recorded scenario with another one's controller, then with the settings."""
+    overrides: dict[str, object] = {}
+    if controller is not None:
+        overrides["controller"] = load_scenario(controller).controller.as_dict()
+    overrides |= dict(map(parse_setting, settings))
+    scenario = override(recorded, overrides)
+    for name in _RECORDED:
+        if getattr(scenario, name) != getattr(recorded, name):
+            raise CommandError(
+                f"{name} is the recording's and cannot be set: use `skydiver-utc simulate` for another one"
+            )
+    return scenario
+
+
+def _show(values: dict[str, Any]) -> None:
+    console = Console()
+
+    def line(sentence: str, style: str = "") -> None:
+        console.print(Text(sentence, style=style), soft_wrap=True)
+
+    if values["first_step"]:
+        first_step = f"step {values['first_step']}"
+        line(f"the recording lacks the beginning: checked from the controller's restart at {first_step} on")
+    if sentence := reference_added(values["reference_steps_not_recorded"]):
+        line(sentence)
+    if values["equal"]:
+        line(f"{values['controller']}: all {values['steps']} commands are the recorded ones, bit for bit")
+        return
+    line(f"{values['controller']}, less the recorded commands", style="bold")
+    table = Table("control", *(Column(heading, justify="right") for heading in ("RMS", "largest", "at, s")))
+    for name, of in values["controls"].items():
+        table.add_row(name, f"{of['rms']:.6g}", f"{of['largest']:.6g}", f"{of['largest_at_s']:.3f}")
+    console.print(table)
+    first = values["first_difference"]
+    line(
+        f"{values['different_steps']} of {values['steps']} commands differ, the first at step {first['step']}"
+        f" ({first['time_s']:.3f} s): {first['control']} was {first['recorded']!r}, is {first['computed']!r}"
+    )
+    if revised := values["reference_steps_revised"]:
+        line(
+            f"{revised} steps of the live reference were changed after they had been announced: a decision before that"
+            " is computed with the later values"
+        )
+    if values["in_real_time"]:
+        line("recorded in real time, where a controller does not receive every state")

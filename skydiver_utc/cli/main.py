@@ -1,0 +1,459 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``skydiver-utc``: options and help of every command. Only click is imported here."""
+
+import sys
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NoReturn
+
+import click
+from click.core import ParameterSource
+
+from skydiver_utc.plants.skydiver.pattern_kinds import DEFAULT_KIND, PATTERN_KINDS
+
+_EXIT_CODES = """\b
+exit code
+    0  the run reached its end (outcome completed or rolled_over)
+    1  it ended before: diverged, no_command, no_clock, aborted, or a node failed
+    2  the input is wrong: one sentence says why, nothing was started
+  130  stopped with Ctrl-C
+"""
+_CHECK_EXIT_CODES = """\b
+exit code of --check
+    0  every command is the recorded one
+    1  some are not
+    2  the input is wrong: one sentence says why
+"""
+_OF_PLAYING = ("rate", "start", "loop", "topics", "quiet")
+_PATH = click.Path(path_type=Path)
+
+
+class Commands(click.Group):
+    """Turns the errors of wrong input into one sentence; any other error is a fault of the program."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except KeyboardInterrupt:
+            from skydiver_utc.parameters.exit_codes import STOPPED
+
+            click.echo("stopped", err=True)
+            ctx.exit(STOPPED)
+        except _input_errors() as error:
+            if isinstance(error, OSError) and error.filename is None:
+                raise
+            from skydiver_utc.parameters.exit_codes import REFUSED
+
+            click.echo(f"Error: {_sentence(error)}", err=True)
+            ctx.exit(getattr(error, "exit_code", REFUSED))
+
+
+def _input_errors() -> tuple[type[Exception], ...]:
+    """Imported only after an error."""
+    from skydiver_utc.analysis.errors import AnalysisError
+    from skydiver_utc.cli.errors import CommandError
+    from skydiver_utc.parameters.errors import ParameterError
+    from skydiver_utc.recording.errors import RecordingError
+
+    return (ParameterError, RecordingError, AnalysisError, CommandError, OSError)
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, OSError):
+        return f"{error.filename} cannot be used ({error.strerror}): choose another path, or repair this one"
+    return str(error)
+
+
+def _run(module: str, function: str, **options: Any) -> NoReturn:
+    """Call a function of a command's module; it returns the exit code, or nothing for 0."""
+    command = getattr(import_module(f"skydiver_utc.cli.{module}"), function)
+    if "numba" in sys.modules:  # else the command compiles nothing
+        from skydiver_utc.jit import on_first_compilation
+
+        on_first_compilation(partial(click.echo, err=True))
+    raise SystemExit(command(**options) or 0)
+
+
+def _show_version(ctx: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            click.echo(version("skydiver_utc"))
+        except PackageNotFoundError:
+            click.echo("not installed, used from a checkout")
+        ctx.exit()
+
+
+_version = click.option(
+    "--version", is_flag=True, expose_value=False, is_eager=True, callback=_show_version,
+    help="Show the version and exit.",
+)  # fmt: skip
+_scenario = click.argument("scenario", metavar="SCENARIO")
+_settings = click.option(
+    "--set", "settings", multiple=True, metavar="NAME=VALUE",
+    help="Override one setting by its dotted name, for example controller.horizon_steps=5. Repeatable.",
+)  # fmt: skip
+_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
+_within = click.option(
+    "--scenario", default="bank_recovery", show_default=True,
+    help="The scenario with all settings that are not given: air, limits, subject.",
+)  # fmt: skip
+_quiet = click.option("--quiet", is_flag=True, help="No progress bar, nothing on stderr but errors.")
+_force = click.option("--force", is_flag=True, help="Overwrite existing files.")
+_out_file = click.option(
+    "--out", type=_PATH, metavar="FILE.yaml", help="Write here instead of on the screen."
+)
+_out_folder = click.option(
+    "--out", type=_PATH, metavar="FOLDER", help="Write files into this folder; made if missing."
+)
+_jobs = click.option(
+    "--jobs",
+    default=2,
+    show_default=True,
+    type=click.IntRange(1),
+    help="Processes that simulate at the same time.",
+)
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@_version
+def main() -> None:
+    """A virtual skydiver flown by the Unscented Transform Controller, or a plant and a controller of your own.
+
+    SCENARIO is a name that `skydiver-utc scenarios` lists, or the path of a YAML file.
+    """
+
+
+@main.command(short_help="List the scenarios, or show one.")
+@click.option("--show", metavar="SCENARIO", help="Print all settings of this scenario as YAML.")
+@_json
+def scenarios(**options: Any) -> None:
+    """List the scenarios that come with the package, or show one with all its settings."""
+    _run("scenarios", "scenarios", **options)
+
+
+@main.command(epilog=_EXIT_CODES, short_help="Run SCENARIO in this process, without ROS.")
+@_scenario
+@_settings
+@click.option("--figure", type=_PATH, metavar="FILE.png", help="Draw the run into this file.")
+@_json
+@_quiet
+def simulate(**options: Any) -> None:
+    """Run SCENARIO in this process, without ROS and without a recording."""
+    _run("simulate", "simulate", **options)
+
+
+@main.command(epilog=_EXIT_CODES, short_help="Run SCENARIO over ROS 2, recorded.")
+@click.argument("scenarios", metavar="[NAME=]SCENARIO...", nargs=-1, required=True)
+@_settings
+@click.option(
+    "--bags", default="bags", show_default=True, metavar="FOLDER", help="Where run folders are made."
+)
+@click.option("--folder", metavar="FOLDER", help="The run folder itself, instead of a new one in --bags.")
+@click.option("--real-time", is_flag=True, help="Step by the clock instead of waiting for each command.")
+@click.option(
+    "--delay-steps", default=0, show_default=True, type=click.IntRange(0, 50),
+    help="Let the controller predict the state so many steps ahead; a real-time command acts one step later.",
+)  # fmt: skip
+@_json
+@_quiet
+def run(
+    scenarios: tuple[str, ...],
+    settings: tuple[str, ...],
+    bags: str,
+    folder: str | None,
+    real_time: bool,
+    delay_steps: int,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Run SCENARIO over ROS 2, recorded.
+
+    Several scenarios run side by side, each in a namespace with its own clock topic and its own run folder. NAME is
+    the namespace, as in anna=turn_360_left; without it: skydiver, skydiver_2 and so on.
+
+    Starts plant, reference, controller and recorder as processes of their own, on a ROS domain of its own
+    unless ROS_DOMAIN_ID is set. The run folder holds the bag, the scenario, metrics.json, tracking.png and
+    report.html.
+    """
+    from skydiver_utc.cli.run import Pace
+    from skydiver_utc.cli.run import run as start
+
+    place = Path(folder) if folder else None
+    raise SystemExit(
+        start(scenarios, settings, Path(bags), place, as_json, quiet, Pace(real_time, delay_steps))
+    )
+
+
+@main.command(short_help="Analyse a run folder again, from its bag.")
+@click.argument("folder", metavar="RUN", type=_PATH)
+@_json
+def analyse(folder: Path, as_json: bool) -> None:
+    """Make metrics.json, tracking.png and report.html of the run folder RUN again, from its bag alone."""
+    from skydiver_utc.cli.analyse import analyse as evaluate
+
+    evaluate(folder, as_json)
+
+
+@main.command(short_help="Complete a recording that was cut short or damaged.")
+@click.argument("run_folder", metavar="RUN")
+@click.option("--out", metavar="FOLDER", help="The new folder, instead of RUN_recovered.")
+@_json
+def recover(run_folder: str, out: str | None, as_json: bool) -> None:
+    """Write the readable messages of the recording RUN into a new run folder; RUN is not changed.
+
+    For a recorder that was killed, which loses at most about the last half second, and for damaged files. Of a
+    complete recording nothing is written.
+    """
+    from skydiver_utc.cli.recover import recover as save
+
+    save(Path(run_folder), Path(out) if out else None, as_json)
+
+
+@main.command(epilog=_CHECK_EXIT_CODES, short_help="Play a recorded run again, or check its controller.")
+@click.argument("run_folder", metavar="RUN")
+@click.option("--rate", default=1.0, show_default=True, help="Speed, in simulated seconds per second.")
+@click.option("--start", default=0.0, metavar="S", help="Begin this many seconds after the first message.")
+@click.option("--loop", is_flag=True, help="Begin again at the end, until interrupted.")
+@click.option(
+    "--topics", metavar="NAME,...", help="Only these topics, and /clock; state is that of the skydiver."
+)
+@click.option("--check", is_flag=True, help="Compare the controller's commands with the recorded ones.")
+@click.option(
+    "--controller", metavar="SCENARIO", help="With --check: the controller of this scenario instead."
+)
+@_settings
+@click.option("--figure", metavar="FILE.png", help="With --check: draw both commands into this file.")
+@_json
+@_quiet
+def replay(
+    run_folder: str,
+    rate: float,
+    start: float,
+    loop: bool,
+    topics: str | None,
+    check: bool,
+    controller: str | None,
+    settings: tuple[str, ...],
+    figure: str | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Play the recorded run RUN again over ROS 2, or check its controller.
+
+    Publishes the recorded messages in order, byte for byte, with /clock, on ROS_DOMAIN_ID (0 unless set) of this
+    machine.
+
+    --check plays nothing and needs no ROS: it feeds the recorded states and reference to the controller of the
+    recorded scenario and prints the first command that is not the recorded one, bit for bit. With --controller or
+    --set it computes the commands of another controller at these states.
+    """
+    if check:
+        source = click.get_current_context().get_parameter_source
+        if any(source(name) is not ParameterSource.DEFAULT for name in _OF_PLAYING):
+            raise click.UsageError("--rate, --start, --loop, --topics and --quiet do not go with --check")
+        path = Path(figure) if figure else None
+        _run(
+            "check", "check",
+            folder=Path(run_folder), controller=controller, settings=settings, figure=path, as_json=as_json,
+        )  # fmt: skip
+    if controller or settings or figure or as_json:
+        raise click.UsageError("--controller, --set, --figure and --json go with --check")
+    from skydiver_utc.cli.replay import replay as play
+
+    names = [] if topics is None else [name.strip() for name in topics.split(",")]
+    if not all(names):
+        raise click.UsageError(f"--topics {topics!r} has an empty name: write them as in state,command")
+    raise SystemExit(play(Path(run_folder), rate, start, loop, names, quiet))
+
+
+@main.group()
+def pattern() -> None:
+    """Make and examine postures and movement patterns."""
+
+
+@pattern.command(short_help="Trim SCENARIO's posture to a straight fall.")
+@_scenario
+@_settings
+@_out_file
+@_force
+def neutral(**options: Any) -> None:
+    """The straight fall nearest to SCENARIO's posture, at its initial pitch, as a posture file."""
+    _run("pattern", "neutral", **options)
+
+
+@pattern.command(short_help="Design a movement pattern for SCENARIO's posture.")
+@_scenario
+@_settings
+@click.option(
+    "--kind", type=click.Choice(list(PATTERN_KINDS)), default=DEFAULT_KIND, show_default=True,
+    help="Positive alpha turns left, lowers the head, slides to the left, or falls slower.",
+)  # fmt: skip
+@click.option(
+    "--seed", default=1, show_default=True, type=click.IntRange(min=0), help="Seed of the random starts."
+)
+@_out_file
+@_force
+def design(**options: Any) -> None:
+    """The pattern with the most of the wanted acceleration for the least of any other, as a pattern file."""
+    _run("pattern", "design", **options)
+
+
+@pattern.command(short_help="Show the effect of PATTERN on a straight fall.")
+@click.argument("pattern", metavar="PATTERN")
+@_within
+@_settings
+@_json
+def show(**options: Any) -> None:
+    """Show what PATTERN does to the straight fall of a scenario's posture, at once and when it is held.
+
+    PATTERN is a name below config/patterns, or the path of a YAML file. The posture is first moved, by as little as
+    it takes, to fall straight down at the scenario's initial pitch.
+    """
+    _run("pattern_show", "show", **options)
+
+
+@pattern.command(short_help="Find the movement patterns of recorded postures.")
+@click.argument("source", metavar="SOURCE", type=_PATH)
+@click.option("--component", default=1, show_default=True, help="Which one to write, by falling variance.")
+@_out_file
+@click.option("--mean", type=_PATH, metavar="FILE.yaml", help="Write the mean posture here.")
+@_force
+@_within
+@_settings
+@_json
+def extract(**options: Any) -> None:
+    """Find the movement patterns of recorded postures by principal component analysis.
+
+    SOURCE is a run folder, a bag, an .mcap file, or a CSV file of joint angles (docs/patterns.md); angles that it
+    lacks are those of the scenario's posture. A positive pattern angle has the largest of the
+    accelerations about the mean posture positive: it turns left, lowers the head, slides left or falls slower.
+    """
+    _run("pattern_extract", "extract", **options)
+
+
+@pattern.command("import", short_help="Make a path of measured postures, to be flown.")
+@click.argument("source", metavar="FILE.csv", type=_PATH)
+@click.option(
+    "--out", required=True, type=_PATH, metavar="FILE.yaml",
+    help="Write the path here, its first posture beside it.",
+)  # fmt: skip
+@click.option(
+    "--posture", metavar="NAME", help="The posture whose joint angles fill those that the file lacks."
+)
+@click.option(
+    "--tolerance", default=0.5, show_default=True, type=float, metavar="DEG",
+    help="How far the path may be from a posture that is left out.",
+)  # fmt: skip
+@_force
+@_within
+@_settings
+def import_(**options: Any) -> None:
+    """Make a path of measured postures, to be flown open loop in the time that they were measured in.
+
+    FILE.csv holds time_s and joint angles in degrees (docs/patterns.md); a run folder or a bag will do, too. As
+    many postures are kept as the tolerance needs; how many, how far the path is from the others and how
+    exact the plant's table of it is, is printed with the command that flies it.
+    """
+    _run("pattern_import", "import_motion", **options)
+
+
+@main.command(short_help="Find the straight fall of POSTURE, its modes and its turning.")
+@click.argument("posture", metavar="[POSTURE]", required=False)
+@click.option("--subject", metavar="NAME", help="Who falls, instead of the scenario's subject.")
+@_within
+@_settings
+@click.option(
+    "--reachable", is_flag=True, help="Also find the largest amplitude of the fast turn that is tracked."
+)
+@_json
+@_quiet
+def trim(**options: Any) -> None:
+    """Find the straight fall of POSTURE, linearise it, and show how it turns.
+
+    POSTURE is a name below config/postures. The scenario's own posture, which is also taken without POSTURE, is
+    first moved, by as little as it takes, to fall straight down at the scenario's initial pitch; any other posture
+    is held as it is and may glide. The fast turns of --reachable (0.2 Hz, UTC, about a minute of runs) start
+    from the straight fall of the posture, moved so in either case.
+    """
+    _run("trim", "trim", **options)
+
+
+@main.command(short_help="Whether UTC is stable around a steady fall, or on a linear plant.")
+@click.argument("scenario", metavar="[SCENARIO]", default="fast_turn_unknown_dynamics")
+@click.option(
+    "--plant", metavar="NAME|FILE.yaml", help="A linear plant instead, see config/linear_plants/admire.yaml."
+)
+@click.option(
+    "--alpha", default=0.0, show_default=True,
+    help="Pattern angle [rad] of the steady turn; 0: the straight fall.",
+)  # fmt: skip
+@click.option(
+    "--steps", type=click.IntRange(1, 500), help="Prediction steps, instead of those of the settings."
+)
+@_settings
+@_json
+def stability(**options: Any) -> None:
+    """Linear theory of UTC: closed-loop eigenvalues, Riccati margin, and the ball of a bounded nonlinearity.
+
+    Around the skydiver's straight fall, or the steady turn at --alpha, of SCENARIO, which must fly UTC with held
+    controls (without it: fast_turn_unknown_dynamics); or on a linear plant. Bounds of the controls are left out.
+    """
+    _run("stability", "stability", **options)
+
+
+@main.group()
+def compare() -> None:
+    """Compare this package with the results of others."""
+
+
+@compare.command(short_help="Run every configuration and check every claim of the paper.")
+@_out_folder
+@click.option("--quick", is_flag=True, help="Only the first seconds of each run: does it all work?")
+@_jobs
+@_json
+@_quiet
+def paper(**options: Any) -> None:
+    """Run every configuration of the paper: a table, its figures, and a checklist of its claims.
+
+    FOLDER receives paper.md, results.json and the figures. A tuning study found there goes into the page.
+    """
+    _run("compare", "compare_paper", **options)
+
+
+@main.group()
+def study() -> None:
+    """Answer one question with many runs."""
+
+
+@study.command(short_help="Run with random covariances.")
+@click.option(
+    "--scenario", "names", multiple=True, default=("fast_turn_unknown_dynamics", "fast_turn_pi_dynamics"),
+    show_default=True, metavar="SCENARIO", help="What is tuned. Repeatable.",
+)  # fmt: skip
+@_settings
+@click.option(
+    "--factor", "reaches", multiple=True, default=(10.0, 3.0), show_default=True,
+    type=click.FloatRange(1.0, 100.0, min_open=True),
+    help="Largest factor on a covariance, and the inverse of the smallest. Repeatable.",
+)  # fmt: skip
+@click.option("--count", default=500, show_default=True, type=click.IntRange(2), help="Tunings per scenario.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of the tunings.")
+@_out_folder
+@_jobs
+@_json
+@_quiet
+def tuning(**options: Any) -> None:
+    """Run SCENARIO with random tunings: each covariance times a factor of its own, log-uniform.
+
+    FOLDER receives tuning.json, tuning.png and a table of every run.
+    """
+    _run("study", "study_tuning", **options)
+
+
+if __name__ == "__main__":
+    main()

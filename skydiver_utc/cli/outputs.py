@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files and folders that a command writes; checked before any work is done."""
+
+from pathlib import Path
+
+from skydiver_utc.cli.errors import CommandError
+from skydiver_utc.parameters import Parameters
+from skydiver_utc.parameters.yaml_io import write_yaml
+
+# Decimals of a degree, and of a component: rounding leaves less than 1e-6 of acceleration.
+DECIMALS = 9
+
+
+def prepare_folder(folder: Path | None) -> None:
+    """Make the folder, if one is given."""
+    if folder is None:
+        return
+    if folder.exists() and not folder.is_dir():
+        raise CommandError(f"--out {folder} is a file: give a folder")
+    folder.mkdir(parents=True, exist_ok=True)
+
+
+def check_figure_path(path: Path | None) -> None:
+    """Refuse a figure that could not be written."""
+    if path is None:
+        return
+    if path.suffix.lower() != ".png":
+        raise CommandError(f"--figure {path} is no PNG file: let its name end in .png")
+    if not path.parent.is_dir():
+        raise CommandError(
+            f"there is no folder {path.parent} for the figure {path.name}: make it, or choose another"
+        )
+
+
+def name_of(out: Path | None, default: str, force: bool) -> str:
+    """The name of what will be written into a YAML file; refuses a path that cannot be written."""
+    if out is None:
+        return default
+    if out.suffix != ".yaml" or not out.parent.is_dir():
+        raise CommandError(f"{out} must end in .yaml and lie in a folder that exists: choose another")
+    if out.exists() and not force:
+        raise CommandError(f"{out} exists: choose another file, or add --force to overwrite it")
+    return out.stem
+
+
+def write(parameters: Parameters, out: Path | None) -> None:
+    """Write settings into a YAML file, or on the screen."""
+    content = write_yaml(parameters.as_dict())
+    if out is None:
+        print(content, end="")
+    else:
+        out.write_text(content, encoding="utf-8")

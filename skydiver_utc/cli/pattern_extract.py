@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``skydiver-utc pattern extract``: movement patterns of recorded postures."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+from rich.text import Text
+
+from skydiver_utc.body.posture import joint_angle_names, joint_rows, posture_angles
+from skydiver_utc.body.principal_components import PrincipalComponents, principal_components
+from skydiver_utc.cli.errors import CommandError
+from skydiver_utc.cli.outputs import DECIMALS, name_of, write
+from skydiver_utc.cli.screen import show_tables
+from skydiver_utc.cli.settings import load_skydiver
+from skydiver_utc.parameters import MovementPattern, Posture, Scenario
+from skydiver_utc.plants.skydiver.pattern_effect import EFFECTS, pattern_effect
+from skydiver_utc.recording.joint_angles import JointAngles, read_joint_angles
+
+Array = NDArray[np.float64]
+
+# Components that are listed together explain this share of the variance.
+_LISTED = 0.999
+
+
+def extract(
+    source: Path,
+    component: int,
+    scenario: str,
+    settings: Sequence[str],
+    out: Path | None,
+    mean: Path | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Write a principal component of recorded postures as a pattern, and their mean as a posture."""
+    loaded = load_skydiver(scenario, settings)
+    name, name_of_mean = name_of(out, f"component_{component}", force), name_of(mean, "mean", force)
+    if out is not None and mean is not None and out.resolve() == mean.resolve():
+        raise CommandError(f"--out and --mean are both {out}: give each a file of its own")
+    recorded = read_joint_angles(source, joint_angle_names())
+    angles = whole_postures(recorded, loaded.plant.posture)
+    found = principal_components(angles)
+    if not len(found.shares):
+        raise CommandError(f"the postures in {source} do not move: give the recording of a maneuver")
+    if not 1 <= component <= len(found.shares):
+        raise CommandError(
+            f"the postures in {source} move along {len(found.shares)} directions: choose --component from 1 to"
+            f" {len(found.shares)}"
+        )
+    rows = [_component(loaded, found, i, angles) for i in range(len(found.shares))]
+    about = f"{len(angles)} postures over {recorded.time_s[-1] - recorded.time_s[0]:g} s in {source.name}"
+    chosen = rows[component - 1]
+    pattern = MovementPattern(
+        name=name,
+        description=f"Principal component {component}; for a positive pattern angle: {chosen['effect']}",
+        source=(
+            f"Extracted by skydiver-utc pattern extract from {about}: component {component} explains"
+            f" {chosen['explained_variance']:.4f} of the variance, its angle runs from"
+            f" {chosen['alpha_rad'][0]:.3f} to {chosen['alpha_rad'][1]:.3f} rad about the mean posture"
+        ),
+        components=joint_rows(np.array(chosen["direction"]).round(DECIMALS)),
+    )
+    posture = Posture(
+        name=name_of_mean,
+        description="Mean of recorded postures",
+        source=f"Mean, by skydiver-utc pattern extract, of {about}",
+        joint_angles_deg=joint_rows(np.rad2deg(found.mean).round(DECIMALS)),
+    )
+    if mean is not None:
+        write(posture, mean)
+    if out is not None:
+        write(pattern, out)
+    if as_json:
+        print(json.dumps({"postures": len(angles), "components": rows}, indent=2))
+    elif out is None:
+        write(pattern, None)
+    else:
+        _show(rows, about)
+
+
+def whole_postures(recorded: JointAngles, posture: Posture) -> Array:
+    """All 45 joint angles (n, 45) [rad]: what was not recorded is that of the posture."""
+    names = joint_angle_names()
+    angles = np.tile(posture_angles(posture).ravel(), (len(recorded.time_s), 1))
+    angles[:, [names.index(name) for name in recorded.names]] = recorded.values
+    return angles
+
+
+def _component(scenario: Scenario, found: PrincipalComponents, i: int, angles: Array) -> dict[str, Any]:
+    """One component, its sign such that the largest of its accelerations is positive."""
+    effect = pattern_effect(scenario, found.mean, found.directions[i])
+    largest = int(np.abs(effect).argmax())
+    direction = found.directions[i] * np.sign(effect[largest])
+    alpha = (angles - found.mean.ravel()) @ direction.ravel()
+    return {
+        "component": i + 1,
+        "explained_variance": float(found.shares[i]),
+        "effect": EFFECTS[largest],
+        "acceleration_per_rad": float(abs(effect[largest])),
+        "alpha_rad": [float(alpha.min()), float(alpha.max())],
+        "direction": direction.tolist(),
+    }
+
+
+def _show(rows: Sequence[dict[str, Any]], about: str) -> None:
+    table = Table(title=Text(f"Principal components of {about}"), title_justify="left", title_style="bold")
+    table.add_column("component", justify="right")
+    table.add_column("explained\nvariance", justify="right")
+    table.add_column("alpha\nrad", justify="right")
+    table.add_column("positive alpha")
+    explained = 0.0
+    for row in rows:
+        if explained > _LISTED:
+            break
+        explained += row["explained_variance"]
+        low, high = row["alpha_rad"]
+        table.add_row(
+            str(row["component"]),
+            f"{row['explained_variance']:.4f}",
+            f"{low:.3f} to {high:.3f}",
+            row["effect"],
+        )
+    show_tables(table)

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The runs of one command: each with its name, which is its namespace, its scenario and its run folder."""
+
+import os
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from skydiver_utc.cli.errors import CommandError
+from skydiver_utc.cli.settings import load
+from skydiver_utc.parameters import Scenario
+from skydiver_utc.parameters.run_folder import new_run_folder
+
+_NAMED = re.compile(r"([A-Za-z]\w*)=(.+)", re.DOTALL)
+_DEFAULT_NAME = "skydiver"
+
+
+class PlannedRun(NamedTuple):
+    """One run; `module_folder` is the folder of a scenario file, where its own classes are, or None."""
+
+    name: str
+    scenario: Scenario
+    folder: Path
+    module_folder: Path | None
+
+
+def planned_runs(
+    given: Sequence[str], settings: Sequence[str], bags: Path, folder: Path | None
+) -> list[PlannedRun]:
+    """The runs of the arguments ``[NAME=]SCENARIO``; the settings are for all of them.
+
+    A single run has the run folder for itself, several have a folder each below it. Without a name they are
+    skydiver, skydiver_2, ...
+    """
+    names, sources = [], []
+    for number, text in enumerate(given, 1):
+        match = _NAMED.fullmatch(text)
+        names.append(match[1] if match else _DEFAULT_NAME + (f"_{number}" if number > 1 else ""))
+        sources.append(match[2] if match else text)
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        raise CommandError(f"two runs are called {twice[0]}: give each its own name, NAME=SCENARIO")
+    scenarios = [load(source, settings) for source in sources]
+    several = len(names) > 1
+    whole = folder or new_run_folder(bags, f"{len(names)}_runs" if several else scenarios[0].name)
+    _check_place(whole)
+    return [
+        PlannedRun(name, scenario, whole / name if several else whole, _module_folder(source))
+        for name, scenario, source in zip(names, scenarios, sources, strict=True)
+    ]
+
+
+def _module_folder(source: str) -> Path | None:
+    return Path(source).resolve().parent if source.endswith((".yaml", ".yml")) else None
+
+
+def _check_place(folder: Path) -> None:
+    """Refuse a run folder that cannot be made, before any node starts."""
+    if folder.exists():
+        raise CommandError(f"{folder} exists already: name another run folder, or move this one away")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    if not os.access(folder.parent, os.W_OK):
+        raise CommandError(f"{folder.parent} is not writable: choose another place for the run folder")

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``skydiver-utc recover``: a complete bag from a recording that was cut short or damaged."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import click
+
+from skydiver_utc.cli.errors import CommandError
+from skydiver_utc.parameters.nanoseconds import seconds
+from skydiver_utc.parameters.run_folder import SCENARIO_FILE, VERSIONS_FILE
+from skydiver_utc.recording.recovery import Loss, Survey, survey
+from skydiver_utc.recording.recovery import recover as write_recovered
+
+
+def recover(path: Path, out: Path | None, as_json: bool) -> None:
+    """Report what is complete; if anything is missing, write the rest into `out`, a folder that must not exist."""
+    if out is not None and out.exists():
+        raise CommandError(f"{out} exists already: name another folder, or move this one away")
+    found = survey(path)
+    folder = None
+    if not found.whole:
+        folder = out or path.with_name(f"{path.stem if path.is_file() else path.name}_recovered")
+        write_recovered(path, folder)
+        for name in (SCENARIO_FILE, VERSIONS_FILE):
+            source = (path if path.is_dir() else path.parent) / name
+            if source.is_file():
+                shutil.copy2(source, folder / name)
+    if as_json:
+        print(json.dumps(_as_dict(found, folder), indent=2))
+        return
+    for line in _lines(found, folder):
+        click.echo(line)
+
+
+def _lines(found: Survey, folder: Path | None) -> list[str]:
+    if folder is None:
+        return [f"{found.path} is complete ({found.message_count} messages), there is nothing to recover"]
+    first, last = found.log_span_ns or (0, 0)
+    length_s = seconds(last - first)
+    lines = [f"recovered {found.message_count} messages, {length_s:.3f} s of simulated time, into {folder}"]
+    lines += [_loss_line(loss, first) for loss in found.losses]
+    if found.lost_messages is None:
+        lines.append(
+            f"the recording has no end: messages after {length_s:.3f} s were not written, about the last half"
+            " second before the recorder was killed"
+        )
+    elif found.lost_messages:
+        lines.append(f"lost {found.lost_messages} of {found.message_count + found.lost_messages} messages")
+    elif not found.losses:
+        lines.append("no message is lost, only the metadata or an index was missing or wrong")
+    return [*lines, f"{found.path} is unchanged"]
+
+
+def _loss_line(loss: Loss, first_ns: int) -> str:
+    after = "from the start" if loss.after_ns is None else f"after {seconds(loss.after_ns - first_ns):.3f} s"
+    before = "to the end" if loss.before_ns is None else f"before {seconds(loss.before_ns - first_ns):.3f} s"
+    return f"left out {loss.byte_count} unreadable bytes of {loss.file}, {after} {before}"
+
+
+def _as_dict(found: Survey, folder: Path | None) -> dict[str, Any]:
+    return {
+        "whole": found.whole,
+        "recovered_into": None if folder is None else str(folder),
+        "messages": found.message_count,
+        "messages_by_topic": dict(sorted(found.counts.items())),
+        "first_ns": None if found.log_span_ns is None else found.log_span_ns[0],
+        "last_ns": None if found.log_span_ns is None else found.log_span_ns[1],
+        "lost_messages": found.lost_messages,
+        "losses": [loss._asdict() for loss in found.losses],
+    }

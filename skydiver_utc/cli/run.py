@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``skydiver-utc run``: runs over ROS 2, each node a process, recorded and analysed."""
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+
+from skydiver_utc.analysis.errors import AnalysisError
+from skydiver_utc.cli.errors import CommandError
+from skydiver_utc.cli.node_processes import (
+    CONTROLLER,
+    PLANT,
+    RECORDER,
+    REFERENCE,
+    NodeProcesses,
+    Parameters,
+    interruptible,
+)
+from skydiver_utc.cli.planned_runs import PlannedRun, planned_runs
+from skydiver_utc.cli.ros_environment import node_environment, require_rclpy
+from skydiver_utc.cli.screen import Progressed, flights_progress
+from skydiver_utc.cli.simulate import exit_code
+from skydiver_utc.parameters import to_yaml
+from skydiver_utc.parameters.exit_codes import FAILED, STOPPED
+from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.metadata import METADATA_FILE, message_count
+
+
+class Pace(NamedTuple):
+    """Lockstep or real time, and by how many steps the controller predicts the state ahead."""
+
+    real_time: bool = False
+    delay_steps: int = 0
+
+
+def run(
+    scenarios: Sequence[str],
+    settings: Sequence[str],
+    bags: Path,
+    folder: Path | None,
+    as_json: bool,
+    quiet: bool,
+    pace: Pace,
+) -> int:
+    """Run and record all scenarios side by side, print their metrics; returns the exit code."""
+    planned = planned_runs(scenarios, settings, bags, folder)
+    require_rclpy()
+    environment = node_environment(os.environ)
+    if not quiet:
+        places = ", ".join(str(each.folder) for each in planned)
+        click.echo(f"recording into {places}, on ROS domain {environment['ROS_DOMAIN_ID']}", err=True)
+    with interruptible():
+        try:
+            _run(planned, environment, quiet, pace)
+        except KeyboardInterrupt:
+            for each in planned:
+                click.echo(f"stopped: {recording_state(each.folder)}", err=True)
+            return STOPPED
+    return _analyse(planned, as_json)
+
+
+class _NodesOfRun:
+    """The nodes of one run, and the reports of its plant."""
+
+    def __init__(self, planned: PlannedRun, nodes: NodeProcesses, progress: Progressed) -> None:
+        self.planned, self.nodes = planned, nodes
+        self.failed: str | None = None  # the node whose failure ended the run
+        self._progress = progress
+        self._began = self._outcome = False
+        self._recorder_reported = False
+
+    def start(self, scenario: Path, pace: Pace) -> None:
+        """Start the four nodes."""
+        common: Parameters = {"scenario": str(scenario)}
+        waiting = common | {"wait_for_recorder": True, "mode": "real_time" if pace.real_time else "lockstep"}
+        self.nodes.start(RECORDER, common | {"bag_folder": str(self.planned.folder.absolute())})
+        self.nodes.start(CONTROLLER, waiting | {"delay_steps": pace.delay_steps})
+        self.nodes.start(REFERENCE, waiting)
+        self.nodes.start(PLANT, waiting | {"progress": True})
+
+    def running(self) -> bool:
+        """Show the plant's reports; False when the run has ended, or a node has `failed`.
+
+        A recorder that fails after the first step does not stop a run.
+        """
+        for report in self.nodes.reports():
+            if "step" in report:
+                self._began = True
+                self._progress(report["step"], report["steps"])
+            self._outcome = self._outcome or "outcome" in report
+        failed = self.nodes.failed(RECORDER) if self._began else self.nodes.failed()
+        if failed and not self._outcome:
+            self.failed = failed
+            return False
+        if self.nodes.failed() == RECORDER and not self._recorder_reported:
+            self._recorder_reported = True
+            click.echo(f"the recorder of {self.planned.name} failed, the run continues unrecorded", err=True)
+        if not self.nodes.ended(PLANT):
+            return True
+        self.failed = None if self._outcome else PLANT
+        return False
+
+    def raise_failure(self, others: Sequence[PlannedRun]) -> None:
+        """Raise the failure of a node, with its last lines; `others` were stopped by it."""
+        name, place, nodes = self.planned.name, recording_state(self.planned.folder), self.nodes
+        if failed := self.failed:
+            places = [place, *(f"of {other.name}: {recording_state(other.folder)}" for other in others)]
+            raise CommandError(
+                f"the {failed} node of {name} failed ({nodes.ending(failed)}), {'; '.join(places)}"
+                + _indented(nodes.last_lines(failed)),
+                FAILED,
+            )
+        if nodes.failed() == RECORDER:
+            raise CommandError(
+                f"the run {name} reached its end, but its recorder failed ({nodes.ending(RECORDER)}): {place}"
+                + _indented(nodes.last_lines(RECORDER)),
+                FAILED,
+            )
+
+
+def _run(planned: Sequence[PlannedRun], environment: Mapping[str, str], quiet: bool, pace: Pace) -> None:
+    """Start the nodes, follow the runs to their ends, end the nodes."""
+    with ExitStack() as stack:
+        scratch = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="skydiver_utc_")))
+        bars = stack.enter_context(flights_progress({run.name: run.scenario for run in planned}, quiet))
+        runs = []
+        for each in planned:
+            folder = scratch / each.name
+            folder.mkdir()
+            scenario = folder / "scenario.yaml"
+            scenario.write_text(to_yaml(each.scenario), encoding="utf-8")
+            own_clock = len(planned) > 1
+            nodes = NodeProcesses(environment, folder, each.name, own_clock, each.module_folder)
+            runs.append(_NodesOfRun(each, stack.enter_context(nodes), bars[each.name]))
+            runs[-1].start(scenario, pace)
+        running = runs
+        while running and not any(run.failed for run in runs):
+            running = [run for run in running if run.running()]
+        for run in runs:
+            run.nodes.end()
+        for run in runs:
+            run.raise_failure([other for other in planned if other is not run.planned])
+
+
+def recording_state(folder: Path) -> str:
+    """What was recorded into a run folder, and the command for it."""
+    if (folder / METADATA_FILE).is_file():
+        if message_count(folder) == 0:
+            return f"nothing was recorded yet, {folder} can be deleted"
+        return f"the recording so far is in {folder}, `skydiver-utc analyse {folder}` evaluates it"
+    if folder.is_dir():
+        return f"the recording is unfinished, `skydiver-utc recover {folder}` completes it"
+    return "nothing was recorded"
+
+
+def _indented(lines: Sequence[str]) -> str:
+    return "".join(f"\n    {line}" for line in lines)
+
+
+def _analyse(planned: Sequence[PlannedRun], as_json: bool) -> int:
+    """Analyse each run; of several, print one JSON object by name."""
+    from skydiver_utc.cli.analyse import analyse, examine
+
+    code = 0
+    by_name: dict[str, Any] = {}
+    for each in planned:
+        try:
+            if as_json and len(planned) > 1:
+                flight, by_name[each.name] = examine(each.folder)
+            else:
+                flight = analyse(each.folder, as_json)
+        except (AnalysisError, RecordingError) as error:
+            raise CommandError(f"the run has ended but cannot be analysed: {error}", FAILED) from error
+        if not as_json:
+            click.echo(str(each.folder))
+        code = max(code, exit_code(flight))
+    if by_name:
+        click.echo(json.dumps(by_name, indent=2))
+    return code

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``skydiver-utc simulate``: a run in this process."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from skydiver_utc.analysis.metrics import FLOWN_TO_ITS_END, metrics, to_json
+from skydiver_utc.cli.outputs import check_figure_path
+from skydiver_utc.cli.screen import flight_progress, show_metrics
+from skydiver_utc.cli.settings import load
+from skydiver_utc.loop.closed_loop import simulate as run_scenario
+from skydiver_utc.loop.run import Run
+from skydiver_utc.parameters.exit_codes import FAILED
+
+
+def simulate(scenario: str, settings: Sequence[str], figure: Path | None, as_json: bool, quiet: bool) -> int:
+    """Run, print the metrics, draw the figure; returns the exit code."""
+    loaded = load(scenario, settings)
+    check_figure_path(figure)
+    with flight_progress(loaded, quiet) as progress:
+        run = run_scenario(loaded, progress)
+    values = metrics(run)
+    if figure is not None:
+        # matplotlib is imported only for a figure.
+        from skydiver_utc.analysis.figures import tracking_figure
+        from skydiver_utc.analysis.style import png
+
+        figure.write_bytes(png(tracking_figure(run)))
+    if as_json:
+        print(to_json(values))
+    else:
+        show_metrics(values, loaded.title or loaded.name)
+    return exit_code(run)
+
+
+def exit_code(run: Run) -> int:
+    """0 for a run that reached its end."""
+    return 0 if run.outcome in FLOWN_TO_ITS_END else FAILED

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many runs at once: which ones, in how many processes, and what is kept of each."""
+
+import math
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import cache
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.registry import build_reference
+from skydiver_utc.loop.run import Run
+from skydiver_utc.parameters import Parameters, Scenario, load_scenario
+
+Kept = TypeVar("Kept")
+Done = Callable[[int], None]  # called with the number of finished runs
+
+# Digits that a result is kept with: fewer than two machines agree on.
+_DIGITS = 6
+# In UTC's telemetry `recovery`: only the covariances about the central point gave a result.
+_ABOUT_CENTRE = 1.0
+
+
+class Case(NamedTuple):
+    """A scenario with overrides by dotted name."""
+
+    scenario: str
+    settings: tuple[tuple[str, object], ...] = ()
+
+    @property
+    def command(self) -> str:
+        """What follows ``skydiver-utc simulate``."""
+        return " ".join([self.scenario, *(f"--set {name}={_plain(value)}" for name, value in self.settings)])
+
+    def load(self, duration_s: float | None = None) -> Scenario:
+        """The resolved scenario; a duration replaces its own."""
+        shortened = {} if duration_s is None else {"duration_s": duration_s}
+        return load_scenario(self.scenario, dict(self.settings) | shortened)
+
+
+def case(scenario: str, *settings: tuple[str, object]) -> Case:
+    """A case from its settings one by one."""
+    return Case(scenario, settings)
+
+
+@cache
+def shipped(scenario: str) -> Scenario:
+    """A scenario as it comes with the package, read once."""
+    return load_scenario(scenario)
+
+
+def amplitude_deg_s(scenario: Scenario) -> float:
+    """Largest rate of the reference."""
+    return math.degrees(float(build_reference(scenario).amplitude[0]))
+
+
+class Measures(Parameters):
+    """What is kept of a run: its metrics but for the clocks, the same on every run of one machine.
+
+    hands_correlation: of k_right and k_left as applied; -1 where they alternate, 1 where they press together.
+    rescued_steps: where the paper's equations had no solution and UTC continued with covariances about the centre.
+    """
+
+    outcome: str
+    rmse_deg_s: float | None
+    max_abs_error_deg_s: float | None
+    convergence_time_s: float | None
+    peak_yaw_rate_deg_s: float | None
+    control_effort: float | None
+    min_dorsal_axis: float | None
+    angle_error_deg: float | None
+    facing: str
+    hands_correlation: float | None
+    status_steps: dict[str, int]
+    rescued_steps: int
+
+    @property
+    def rmse(self) -> float:
+        """RMSE [deg/s] for comparisons: infinite where it is undefined."""
+        return math.inf if self.rmse_deg_s is None else self.rmse_deg_s
+
+    @property
+    def converged_at(self) -> float:
+        """Convergence time [s] for comparisons: infinite without convergence."""
+        return math.inf if self.convergence_time_s is None else self.convergence_time_s
+
+    @property
+    def effort(self) -> float:
+        """Control effort for comparisons: infinite where it is undefined."""
+        return math.inf if self.control_effort is None else self.control_effort
+
+
+def measure(run: Run) -> Measures:
+    """Keep the metrics of a skydiver's run."""
+    own = {"hands_correlation": _hands_correlation(run), "rescued_steps": 0}
+    if "recovery" in run.telemetry_names:
+        recovery = run.telemetry[:, run.telemetry_names.index("recovery")]
+        own["rescued_steps"] = int(np.count_nonzero(recovery == _ABOUT_CENTRE))
+    kept = {name: value for name, value in metrics(run).items() if name in Measures.model_fields} | own
+    return Measures.model_validate({name: _rounded(value) for name, value in kept.items()})
+
+
+def whole(run: Run) -> Run:
+    """Keep the run itself."""
+    return run
+
+
+def run_all(
+    scenarios: Mapping[str, Scenario], keep: Callable[[Run], Kept], jobs: int, done: Done
+) -> dict[str, Kept]:
+    """Run scenarios by name in `jobs` processes; what `keep` (a module's function) returns of each, in order."""
+    kept: dict[str, Kept] = {}
+    if jobs == 1:
+        for count, (name, scenario) in enumerate(scenarios.items(), 1):
+            kept[name] = _run(scenario, keep)
+            done(count)
+        return kept
+    # Spawned, because a fork would copy the thread that draws the progress bar in an unknown state.
+    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _follow_the_parent)
+    try:
+        names = {pool.submit(_run, scenario, keep): name for name, scenario in scenarios.items()}
+        for count, future in enumerate(as_completed(names), 1):
+            kept[names[future]] = future.result()
+            done(count)
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return {name: kept[name] for name in scenarios}
+
+
+def _run(scenario: Scenario, keep: Callable[[Run], Kept]) -> Kept:
+    return keep(simulate(scenario))
+
+
+def _follow_the_parent() -> None:
+    """Ignore Ctrl-C, which is the parent's, and exit with the parent: an idle worker would wait for ever."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_exit_with_the_parent, daemon=True).start()
+
+
+def _exit_with_the_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+    os._exit(1)
+
+
+def _hands_correlation(run: Run) -> float | None:
+    hands = run.applied[:, 1:3]
+    if len(hands) < 2 or np.any(np.std(hands, axis=0) == 0.0):
+        return None
+    correlations: NDArray[np.float64] = np.asarray(np.corrcoef(hands.T))
+    return float(correlations[0, 1])
+
+
+def _rounded(value: object) -> object:
+    return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, list):
+        return f"[{','.join(map(_plain, value))}]"
+    if value is None:
+        return "null"
+    return str(value).lower() if isinstance(value, bool) else str(value)
