@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The ADMIRE fighter of arXiv 2504.08579: roll, pitch and yaw rate by canard, two elevons and rudder.
 
 Four controls for three outputs: the covariance of U sorts out which surfaces do what. The surfaces have bounds.
@@ -45,7 +46,7 @@ def fly(seconds=10.0):
     time = np.arange(0.0, seconds, DT)
     wanted = rates_wanted(np.append(time, time[-1] + DT * np.arange(1, HORIZON + 1)))
     state = np.zeros(3)
-    controller = UnscentedTransformController(
+    controller = UnscentedTransformController.of(
         admire, state=state, control=np.zeros(4), dt=DT, horizon=HORIZON, minimum=LOWEST, maximum=HIGHEST
     )
     states, surfaces = [], []

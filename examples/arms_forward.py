@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes arms_forward.csv: from neutral, both arms stretch forwards and come back within 4 s.
 
 ``python examples/arms_forward.py > examples/arms_forward.csv``; what flies it is in docs/patterns.md.
@@ -13,7 +14,7 @@ STRETCHED = {"shoulder_flexion": 40.0, "shoulder_abduction": 115.0, "elbow_flexi
 
 
 def main() -> None:
-    neutral = load_scenario("bank_recovery").posture.joint_angles_deg
+    neutral = load_scenario("bank_recovery").plant.posture.joint_angles_deg
     arms = {
         "shoulder_flexion": neutral["left_shoulder"][0],
         "shoulder_abduction": neutral["left_shoulder"][1],

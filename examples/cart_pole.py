@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A cart-pole swings up and balances. UTC follows slopes: each phase has an output whose slope leads on.
 
 Swing up: the pole's energy, which a hanging pole can raise at once, beside place and speed of the cart (with the
@@ -47,10 +48,10 @@ def fly(seconds=8.0):
         np.array([0.0, np.pi - 0.01, 0.0, 0.0]),
         {"control": 0.0, "dt": DT, "minimum": -FORCE, "maximum": FORCE},
     )
-    swing = UnscentedTransformController(
+    swing = UnscentedTransformController.of(
         cart_pole, energy, state=state, horizon=20, P_err=[1e-2, 1e-1, 1.0], **common
     )
-    catch = UnscentedTransformController(cart_pole, balance, state=state, horizon=5, P_err=1e-2, **common)
+    catch = UnscentedTransformController.of(cart_pole, balance, state=state, horizon=5, P_err=1e-2, **common)
     states, forces, balanced = [], [], []
     active = swing
     for _ in range(round(seconds / DT)):

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The quadcopter of arXiv 2504.08579 (1 kg; .2, .2, .3 kg m2) climbs a helix, 12 states, thrust and three torques.
 
 A torque moves the place only through four integrations, so the outputs are (d/dt + RATE)^3 of the two horizontal
@@ -56,7 +57,7 @@ def fly(seconds=16.0):
     time = DT * np.arange(round(seconds / DT) + HORIZON + 1)
     places, wanted = helix(time)
     state = np.zeros(12)
-    controller = UnscentedTransformController(
+    controller = UnscentedTransformController.of(
         quadcopter, outputs, state=state, control=[G, 0, 0, 0], dt=DT, horizon=HORIZON,
         minimum=[0, -1, -1, -1], maximum=[20, 1, 1, 1], P_err=[1.0, 1.0, 1e-3, 1e-3],
     )  # fmt: skip

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The smallest plant there is: x' = x + u, unstable, followed along steps that the bound on u makes hard.
 
 Plain Python, no compilation. The standard deviation of U is what UTC knows about its control.
@@ -22,7 +23,7 @@ def fly(seconds=8.0):
     time = np.arange(0.0, seconds, DT)
     reference = np.where(time % 4.0 < 2.0, 1.0, -0.5)
     state = np.array([0.0])
-    controller = UnscentedTransformController(
+    controller = UnscentedTransformController.of(
         plant, state=state, control=0.0, dt=DT, horizon=HORIZON, minimum=-LARGEST, maximum=LARGEST
     )
     states, controls, deviations = [], [], []

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the examples share: the option --figure, and a figure of a few panels over time."""
 
 import argparse
