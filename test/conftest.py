@@ -1,4 +1,5 @@
-"""Shared by all tests: where the oracle and the benchmarks lie, and how ROS behaves under test."""
+# SPDX-License-Identifier: Apache-2.0
+"""Shared by all tests: where the oracle, the helpers and the benchmarks lie, and how ROS behaves under test."""
 
 import os
 import sys
@@ -6,10 +7,13 @@ from pathlib import Path
 
 from hypothesis import settings
 
+HERE = Path(__file__).parent
 # Before rclpy is imported anywhere: field checks on, traffic kept on this machine.
 os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-sys.path[:0] = [str(Path(__file__).parent / "oracle"), str(Path(__file__).parents[1] / "benchmarks")]
+sys.path[:0] = [str(HERE / "helpers"), str(HERE / "oracle"), str(HERE.parent / "benchmarks")]
 # No example is timed: the machine may be shared.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
+# Until no test imports another one.
+sys.path += [str(folder) for folder in HERE.glob("**/") if folder.name not in ("__pycache__", "data")]

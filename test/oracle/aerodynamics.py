@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The skydiver's equations of motion for one posture, written out in plain NumPy, as an oracle for tests.
 
 This module must never import the code under test.

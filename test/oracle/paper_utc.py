@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The Unscented Transform Controller, written out from the paper alone, as an oracle for tests.
 
 Paper: A. Clarke, P.-O. Gutman, "The Unscented Transform Controller: a new model predictive control

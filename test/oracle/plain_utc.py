@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One step of plain UTC for any plant, as a textbook would write it: NumPy, one sigma point at a time.
 
 Equations are those of section 3 of the paper under its labels. Never imports the code under test.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The oracle against algebra, exact solutions and SciPy: nothing here touches the code under test."""
 
 from __future__ import annotations

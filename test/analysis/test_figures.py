@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The figure of a run, its report, and that both can be made of every run."""
+
+from html.parser import HTMLParser
+from io import BytesIO
+from typing import Any
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+from runs import cart, rotation, run_of, skydiver
+
+from skydiver_utc.analysis.figures import tracking_figure
+from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.analysis.report import report_html
+from skydiver_utc.analysis.style import png
+from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.loop.run import Run
+from skydiver_utc.parameters import to_yaml
+
+POINTS = {"kind": "points", "output": "alpha", "points": [[0.0, 0.0], [1.0, 0.5]]}
+
+
+def texts(figure: Figure) -> str:
+    """Everything that is written in a figure, but for the axes' numbers."""
+    axes = figure.axes
+    found: list[Any] = [*figure.texts, *(t for a in axes for t in a.texts), *(a.yaxis.label for a in axes)]
+    found += [t for a in axes if (legend := a.get_legend()) for t in legend.get_texts()]
+    return "\n".join(t.get_text() for t in [*found, axes[-1].xaxis.label])
+
+
+def line(figure: Figure, row: int, label: str) -> Any:
+    return next(one for one in figure.axes[row].lines if one.get_label() == label)
+
+
+def test_a_skydiver_has_its_names_and_degrees() -> None:
+    written = texts(tracking_figure(run_of(103.0)))
+    for part in (
+        "Synthetic run",
+        "completed",
+        "RMSE 3.00 deg/s",
+        "yaw rate [deg/s]",
+        "alpha\n[rad]",
+        "time [s]",
+    ):
+        assert part in written
+
+
+def test_another_plant_has_its_own_names() -> None:
+    figure = tracking_figure(run_of(scenario=cart()))
+    written = texts(figure)
+    for part in ("A cart on rails", "place [1]", "speed [1]", "force\n[1]"):
+        assert part in written
+    assert len(figure.axes) == 5  # value and error of two outputs, one control
+
+
+def test_the_lines_are_those_of_the_run() -> None:
+    rates = np.linspace(0.0, 100.0, 81)
+    figure = tracking_figure(run_of(rates, applied=np.tile([1.0, 0.2, 0.3, 0.4], (80, 1))))
+    assert np.allclose(line(figure, 0, "actual").get_ydata(), rates)
+    assert np.allclose(line(figure, 0, "reference").get_ydata(), 100.0)
+    assert np.allclose(line(figure, 0, "actual").get_xdata(), np.arange(81) * 0.05)
+    assert [line(figure, row, "applied").get_ydata()[0] for row in range(2, 6)] == [1.0, 0.2, 0.3, 0.4]
+    assert list(figure.axes[2].get_yticks()) == [0.0, 4.0]
+    assert list(figure.axes[5].get_yticks()) == [-1.0, 0.0, 1.0]
+
+
+def test_a_mishap_is_named() -> None:
+    run = run_of(outcome=Outcome.ROLLED_OVER, reason="the dorsal axis went below the horizon at 2 s")
+    assert run.reason in texts(tracking_figure(run))
+
+
+def test_a_diverging_run_does_not_press_the_reference_flat() -> None:
+    rates = np.full(81, 100.0)
+    rates[60:] = 1e4
+    figure = tracking_figure(run_of(rates, outcome=Outcome.DIVERGED))
+    assert figure.axes[0].get_ylim()[1] < 300.0
+    assert "9900 deg/s" in texts(figure)
+
+
+def test_a_recording_of_the_rest_starts_where_it_begins() -> None:
+    whole = run_of(100.0, 90.0, skydiver(reference=rotation()))
+    figure = tracking_figure(whole.since(30))
+    assert "1.50 s" in texts(figure)
+    assert "from the wanted 180 deg" in texts(tracking_figure(whole))
+    assert "from the wanted" not in texts(figure)
+    assert figure.axes[-1].get_xlim() == pytest.approx((1.5, 4.0))
+
+
+@pytest.mark.parametrize(
+    "run",
+    [
+        pytest.param(run_of(steps=0, outcome=Outcome.NO_COMMAND), id="no step"),
+        pytest.param(run_of(steps=3, outcome=Outcome.ABORTED), id="three steps"),
+        pytest.param(run_of(np.full(81, np.nan), outcome=Outcome.DIVERGED), id="not a number"),
+        pytest.param(run_of(scenario=skydiver(reference=POINTS)), id="open loop"),
+        pytest.param(run_of(scenario=cart()), id="another plant"),
+    ],
+)
+def test_every_run_can_be_drawn(run: Run) -> None:
+    assert imread(BytesIO(png(tracking_figure(run)))).shape[1] == 1200
+
+
+def test_equal_runs_give_equal_files_whatever_the_user_has_set() -> None:
+    plain = png(tracking_figure(run_of()))
+    with matplotlib.rc_context({"font.size": 30, "savefig.dpi": 10, "axes.grid": False}):
+        assert png(tracking_figure(run_of())) == plain
+        assert matplotlib.rcParams["font.size"] == 30
+
+
+class Page(HTMLParser):
+    """The text of a page, its tags, and where they point to."""
+
+    def __init__(self, run: Run, **versions: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.sources: list[str] = []
+        self.texts: list[str] = []
+        self.feed(report_html(run, metrics(run), b"picture", versions))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.sources += [value or "" for name, value in attrs if name in ("src", "href")]
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append(data)
+
+
+def test_a_report_is_one_file() -> None:
+    page = Page(run_of(103.0), numpy="2.4.6")
+    for part in ("Synthetic run", "completed", "yaw rate: RMSE from 2 s on", "3", "numpy", "2.4.6"):
+        assert part in page.texts
+    assert to_yaml(skydiver()) in page.texts
+    assert page.sources == ["data:image/png;base64,cGljdHVyZQ=="]
+
+
+@pytest.mark.parametrize("field", ["title", "description"])
+def test_a_scenario_cannot_write_html(field: str) -> None:
+    page = Page(run_of(scenario=skydiver(**{field: "<script>alert($png)</script>"})))
+    assert "script" not in page.tags
+    assert "<script>alert($png)</script>" in page.texts

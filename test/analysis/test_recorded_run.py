@@ -1,0 +1,319 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs read back from bags that are written here message by message."""
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recordings import (
+    JOINTS,
+    STRING,
+    TRAJECTORY,
+    Edit,
+    Message,
+    added,
+    change,
+    command,
+    named,
+    outcome,
+    preview,
+    since,
+    state,
+    text,
+    without,
+    write_run,
+)
+from runs import cart, random_run
+
+from skydiver_utc.analysis.errors import AnalysisError
+from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.analysis.recorded_run import RecordedRun, read_run
+from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.loop.run import Run
+from skydiver_utc.recording.errors import RecordingError
+
+ARRAYS = ("states", "commands", "applied", "reference", "telemetry", "solve_time_s", "status")
+Write = Callable[..., Path]
+
+
+def a_run(**fields: object) -> Run:
+    """A run of the cart, whose bag is read in no time."""
+    return random_run(cart(), **fields)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Write:
+    """Writes a run's bag, after some edits one after the other."""
+    made = 0
+
+    def write(run: Run, *edits: Edit, **options: object) -> Path:
+        nonlocal made
+        made += 1
+
+        def edit(messages: list[Message]) -> list[Message]:
+            for each in edits:
+                messages = each(messages)
+            return messages
+
+        return write_run(tmp_path / f"bag_{made}", run, edit, **options)  # type: ignore[arg-type]
+
+    return write
+
+
+@pytest.mark.parametrize("run", [random_run(), random_run(cart())], ids=["odometry", "joint states"])
+def test_a_run_comes_back_bit_for_bit(bag: Write, run: Run) -> None:
+    back = read_run(bag(run))
+    for name in ARRAYS:
+        assert np.array_equal(getattr(back, name), getattr(run, name)), name
+    for name in ("scenario", "telemetry_names", "tracked_names", "outcome", "reason", "wall_time_s"):
+        assert getattr(back, name) == getattr(run, name), name
+    assert metrics(back) == metrics(run)
+
+
+def test_names_may_come_in_any_order(bag: Write) -> None:
+    run = a_run()
+
+    def turned(messages: list[Message]) -> list[Message]:
+        for topic, _, _, message in messages:
+            if topic in ("state", "reference/setpoint"):
+                message.name, message.position = message.name[::-1], message.position[::-1].copy()
+        return messages
+
+    back = read_run(bag(run, turned))
+    assert np.array_equal(back.states, run.states)
+    assert np.array_equal(back.reference, run.reference)
+
+
+def test_a_namespace_of_any_name_comes_back_but_not_several(bag: Write) -> None:
+    run = a_run()
+    assert np.array_equal(read_run(bag(run, namespaces=("/jump/anna",))).states, run.states)
+    with pytest.raises(RecordingError, match=r"/a, /b"):
+        read_run(bag(run, namespaces=("/a", "/b")))
+
+
+def test_a_bare_mcap_file_is_a_recording_too(bag: Write) -> None:
+    run = a_run()
+    folder = bag(run)
+    (folder / "metadata.yaml").unlink()
+    assert np.array_equal(read_run(next(folder.glob("*.mcap"))).states, run.states)
+
+
+def test_messages_out_of_order_and_repeated_ones_find_their_steps(bag: Write) -> None:
+    run = a_run()
+    repeated = state(run, 7, run.states[8]), command(run, 7, np.zeros(1))
+    back = read_run(bag(run, added(*repeated)))
+    assert np.array_equal(back.states, run.states)
+    assert np.array_equal(back.commands, run.commands)
+    assert np.array_equal(read_run(bag(run, lambda messages: messages[::-1])).states, run.states)
+
+
+@pytest.mark.parametrize(("topic", "count"), [("state", 81), ("command", 80), ("applied_command", 80)])
+def test_missing_steps_are_counted(bag: Write, topic: str, count: int) -> None:
+    with pytest.raises(AnalysisError, match=f"{topic} .* 2 of {count} steps.* 17"):
+        read_run(bag(a_run(), without(topic, 17, 30)))
+
+
+def test_a_recording_without_any_state_is_refused(bag: Write) -> None:
+    with pytest.raises(AnalysisError, match=r"state .* lacks"):
+        read_run(bag(a_run(outcome=Outcome.ABORTED), without("state")))
+
+
+def test_a_recorder_started_during_the_run_gives_the_steps_from_there_on(bag: Write) -> None:
+    run = a_run()
+    back = read_run(bag(run, since(30)))
+    assert (back.first_step, len(back.states), len(back.commands)) == (30, 51, 50)
+    for name in ARRAYS:
+        assert np.array_equal(getattr(back, name), getattr(run, name)[30:]), name
+    assert back.time_s.tolist() == run.time_s[30:].tolist()
+    with pytest.raises(AnalysisError, match=r"1 of 50 steps.* 40"):
+        read_run(bag(run, since(30), without("command", 40)))
+
+
+def test_the_first_and_the_last_step_are_those_that_every_topic_has(bag: Write) -> None:
+    run = a_run()
+    first = {"state": 10, "reference/setpoint": 12, "command": 14, "applied_command": 11}
+    last = {"state": 52, "command": 51, "applied_command": 47, "reference/setpoint": 30, "outcome": -1}
+
+    def begin(messages: list[Message]) -> list[Message]:
+        return [m for m in messages if m[2] >= first.get(m[0], 0)]
+
+    def end(messages: list[Message]) -> list[Message]:
+        return [m for m in messages if m[2] <= last.get(m[0], 99)]
+
+    assert read_run(bag(run, begin)).first_step == 14
+    recording = RecordedRun(bag(run, end))
+    back = recording.run()
+    assert np.array_equal(back.states, run.states[:49])
+    assert np.array_equal(back.applied, run.applied[:48])
+    assert "48 of 80" in back.reason
+    assert "state to step 52" in back.reason
+    assert (recording.reference_added, len(back.reference)) == (18, 49)
+
+
+def test_a_bag_without_an_outcome_is_an_aborted_run(bag: Write) -> None:
+    def cut(messages: list[Message]) -> list[Message]:
+        return [m for m in messages if m[2] <= 50]
+
+    back = read_run(bag(a_run(), cut, without("applied_command", 50), without("outcome")))
+    assert back.outcome is Outcome.ABORTED
+    assert (back.states.shape, back.commands.shape, back.reference.shape) == ((51, 2), (50, 1), (51, 2))
+    result = metrics(back)
+    assert (result["wall_time_s"], result["simulated_time_s"]) == (None, 2.5)
+
+
+def test_a_run_without_any_command_has_one_state(bag: Write) -> None:
+    run = a_run(steps=0, outcome=Outcome.NO_COMMAND, reason="no usable command came")
+    back = read_run(bag(run))
+    assert (back.outcome, len(back.states), len(back.commands)) == (Outcome.NO_COMMAND, 1, 0)
+
+
+def test_the_command_after_the_last_state_of_a_run_that_ended_is_left_out(bag: Write) -> None:
+    run = a_run(steps=20, outcome=Outcome.DIVERGED, reason="the state left the model")
+    assert np.array_equal(read_run(bag(run, added(command(run, 20, np.zeros(1))))).commands, run.commands)
+
+
+def test_a_setpoint_that_is_missing_is_in_the_preview(bag: Write) -> None:
+    run = a_run()
+    values = np.append(run.reference[10:], np.full((5, 2), 9.0), axis=0)
+    chunk = "reference", TRAJECTORY, 10, preview(run.scenario, 10, run.tracked_names, values)
+    back = read_run(bag(run, without("reference/setpoint", 17, 80), added(chunk)))
+    assert np.array_equal(back.reference, run.reference)
+
+
+@pytest.mark.parametrize("steps", [(), (17, 30), tuple(range(30, 81))], ids=["all", "a hole", "the end"])
+def test_a_reference_that_is_not_recorded_is_that_of_the_scenario(bag: Write, steps: Sequence[int]) -> None:
+    run = a_run()
+    recording = RecordedRun(bag(run, without("reference/setpoint", *steps)))
+    missing = np.isin(np.arange(81), steps or range(81))[:, np.newaxis]
+    back = recording.run()
+    assert recording.reference_added == missing.sum()
+    assert np.array_equal(back.reference, np.where(missing, [2.0, 0.0], run.reference))
+
+
+def test_telemetry_is_optional(bag: Write) -> None:
+    run = a_run()
+    bare = read_run(bag(run, without("controller/telemetry")))
+    assert (bare.telemetry_names, bare.telemetry.shape) == ((), (80, 0))
+    assert metrics(bare)["solve_time_us"] == {"median": None, "p99": None}
+
+    def without_5(messages: list[Message]) -> list[Message]:
+        return [m for m in messages if m[:3:2] != ("controller/telemetry", 5)]
+
+    holed = read_run(bag(run, without_5))
+    assert math.isnan(holed.solve_time_s[5])
+    assert np.array_equal(np.delete(holed.telemetry, 5, 0), np.delete(run.telemetry, 5, 0))
+
+
+@pytest.mark.parametrize("nanoseconds", [1, 10**9, -(10**9), 3 * 10**17])
+def test_a_stamp_off_the_grid_or_outside_of_the_run_is_left_out(bag: Write, nanoseconds: int) -> None:
+    run = a_run()
+    others = [command(run, 3, np.zeros(1)), state(run, 3, run.states[0])]
+    for *_, message in others:
+        ns = run.scenario.stamp_ns(0 if nanoseconds < 0 else 80) + nanoseconds
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(ns, 10**9)
+    recording = RecordedRun(bag(run, lambda messages: [*others, *messages]))
+    back = recording.run()
+    assert np.array_equal(back.states, run.states)
+    assert np.array_equal(back.commands, run.commands)
+    assert recording.ignored == {"state": 1, "command": 1}
+
+
+@pytest.mark.parametrize("values", [np.zeros(3), [], [math.nan]])
+def test_a_message_without_the_controls_is_left_out(bag: Write, values: object) -> None:
+    run = a_run()
+    recording = RecordedRun(bag(run, lambda messages: [command(run, 0, values), *messages]))
+    assert np.array_equal(recording.run().commands, run.commands)
+    assert recording.ignored == {"command": 1}
+
+
+def test_in_real_time_a_step_without_a_command_has_the_one_before(bag: Write) -> None:
+    run = a_run()
+    in_real_time = outcome(run, real_time={})
+    back = read_run(bag(run, without("command", 17), without("outcome"), added(in_real_time)))
+    assert np.array_equal(back.commands[17], run.commands[16])
+
+
+TEXTS = ["hello", "", "[]", "{}", "\x00", "[" * 20_000, "a: &a [*a]", '{"node": 1, "step": 1e999}']
+
+
+@pytest.mark.parametrize("topic", ["outcome", "scenario", "changes"])
+@pytest.mark.parametrize("content", TEXTS, ids=lambda content: content[:12])
+def test_a_text_that_cannot_be_used_is_left_out(bag: Write, topic: str, content: str) -> None:
+    run = a_run()
+    other: Message = (topic, STRING, 80, text(content))
+    recording = RecordedRun(bag(run, lambda messages: [messages[0], other, *messages[1:], other]))
+    back = recording.run()
+    assert (back.outcome, back.reason, back.changes) == (run.outcome, run.reason, ())
+    assert back.scenario == run.scenario
+    assert recording.ignored == {topic: 2}
+
+
+@pytest.mark.parametrize(
+    ("control", "parameters"),
+    [
+        (None, {"controller__nothing": 1}),
+        (None, {"delay_steps": 1.5}),
+        (None, {"delay_steps": -1}),
+        ([1.0] * 4, {}),
+    ],
+)
+def test_a_change_that_cannot_be_one_is_left_out(
+    bag: Write, control: object, parameters: dict[str, float]
+) -> None:
+    run = a_run()
+    recording = RecordedRun(bag(run, added(change(3, "controller", control, **parameters))))
+    assert recording.run().changes == ()
+    assert recording.ignored == {"changes": 1}
+
+
+def test_the_later_of_two_changes_of_one_step_counts(bag: Write) -> None:
+    run = a_run()
+    changes = (change(3, "controller", [0.0], seed=seed) for seed in (1, 2))
+    (found,) = read_run(bag(run, added(*changes))).changes
+    assert (found.node, found.step, found.of_scenario) == ("controller", 3, {"seed": 2})
+
+
+def test_the_outcome_of_another_run_does_not_count(bag: Write) -> None:
+    run = a_run()
+    own = RecordedRun(bag(run, added(outcome(a_run(outcome=Outcome.DIVERGED), "other")), run_id="mine"))
+    assert (own.run_id, own.run().outcome) == ("mine", Outcome.COMPLETED)
+    assert own.ignored == {"outcome": 1}
+
+
+def test_a_bag_of_something_else_is_refused(bag: Write, tmp_path: Path) -> None:
+    with pytest.raises(AnalysisError, match="scenario"):
+        read_run(bag(a_run(), without("scenario")))
+    other: Message = ("scenario", STRING, 0, text("name: something"))
+    with pytest.raises(AnalysisError, match="scenario"):
+        read_run(bag(a_run(), without("scenario"), added(other)))
+    for path in (tmp_path / "nothing", tmp_path):
+        with pytest.raises(RecordingError):
+            read_run(path)
+
+
+@pytest.mark.parametrize(
+    "topic", ["scenario", "state", "reference", "command", "outcome", "controller/telemetry"]
+)
+def test_bytes_that_are_no_message_are_left_out(bag: Write, topic: str) -> None:
+    run = a_run()
+    random = np.random.default_rng(3)
+    garbage = [b"", b"\x00", b"\x00\x01\x00\x00", b"\x00\x01\x00\x00" + b"\xff" * 60, random.bytes(300)]
+    kind = {"reference": TRAJECTORY, "scenario": STRING, "outcome": STRING}.get(topic, JOINTS)
+    chunk = "reference", TRAJECTORY, 0, preview(run.scenario, 0, run.tracked_names, run.reference)
+    more = [(topic, kind, 3, each) for each in garbage]
+    recording = RecordedRun(bag(run, without("reference/setpoint", 17), added(chunk, *more)))
+    back = recording.run()
+    assert np.array_equal(back.states, run.states)
+    assert np.array_equal(back.reference, run.reference)
+    assert recording.ignored == {topic: len(garbage)}
+
+
+def test_the_state_message_is_that_of_the_plant(bag: Write) -> None:
+    """A JointState with other names is not the state."""
+    run = a_run()
+    other: Message = ("state", JOINTS, 0, named(run.scenario, 0, ["a", "b"], [0.0, 0.0]))
+    recording = RecordedRun(bag(run, lambda messages: [other, *messages]))
+    assert np.array_equal(recording.run().states, run.states)
+    assert recording.ignored == {"state": 1}

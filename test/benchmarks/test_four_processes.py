@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The benchmark of the ROS loop in its short form: both loops fly every step, and the bar is what is asked for."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from ros_domains import claimed_domain
+
+BENCHMARK = Path(__file__).resolve().parents[2] / "benchmarks" / "four_processes.py"
+
+
+def test_both_loops_fly_every_step_and_are_compared_as_asked() -> None:
+    with claimed_domain() as domain:
+        done = subprocess.run(
+            [sys.executable, str(BENCHMARK), "--turns", "2", "--duration-s", "1", "--json"],
+            env=os.environ | {"ROS_DOMAIN_ID": str(domain)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    bare, ours = told["bare"], told["ours"]
+    assert bare["steps"] == ours["steps"] == 2 * 239
+    assert len(told["ratio_of_each_turn"]) == 2
+    assert told["allowed_step_ms"] == pytest.approx(1.2 * bare["step_ms"] + told["solve_ms"])
+    assert told["step_within_bar"] == (ours["step_ms"] <= told["allowed_step_ms"])
+    assert told["ratio"] == pytest.approx((ours["step_ms"] - told["solve_ms"]) / bare["step_ms"])
+    assert 0.0 < told["solve_ms"] < ours["step_ms"]
+    assert told["real_time_factor"] == pytest.approx(ours["rate_Hz"] * 0.0042)

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A posture path: through its postures, smooth, inside the joint limits, and its geometry table is exact enough."""
+
+import numpy as np
+import pytest
+from skydivers import skydiver
+
+from skydiver_utc.body.movement import movement
+from skydiver_utc.body.posture import joint_ranges, posture_angles
+from skydiver_utc.body.segments import build_body
+from skydiver_utc.parameters import ParameterError
+from skydiver_utc.plants.skydiver.dynamics import posture_geometry
+from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, build_model, posture_row
+from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
+from skydiver_utc.plants.skydiver.table_error import table_error
+
+NAME = "front_layout_open_loop"
+SCENARIO = skydiver(NAME)
+MOVES = movement(SCENARIO.plant.posture, SCENARIO.plant.pattern)
+ALPHAS = np.linspace(0.0, 2.0, 401)
+
+
+def test_a_path_goes_through_its_postures():
+    for keyframe in SCENARIO.plant.pattern.keyframes:
+        np.testing.assert_allclose(MOVES.angles(keyframe.alpha), posture_angles(keyframe.posture), atol=1e-12)
+
+
+def test_the_slope_is_the_derivative_and_does_not_jump():
+    step = 1e-6
+    for alpha in np.linspace(0.1, 1.9, 19):
+        difference = (MOVES.angles(alpha + step) - MOVES.angles(alpha - step)) / (2 * step)
+        np.testing.assert_allclose(MOVES.slope(alpha), difference, atol=1e-5)
+    slopes = np.array([MOVES.slope(alpha) for alpha in ALPHAS])
+    assert np.abs(np.diff(slopes, axis=0)).max() < 0.05
+
+
+def test_a_path_stays_inside_the_joint_limits():
+    lower, upper = joint_ranges(SCENARIO.plant.subject.joint_limits)
+    for alpha in ALPHAS:
+        angles = MOVES.angles(alpha)
+        assert (angles >= lower - 1e-9).all()
+        assert (angles <= upper + 1e-9).all()
+
+
+def test_table_error_bound_of_a_path():
+    """Between its 513 nodes the table keeps every entry to 2e-5 (m, m2, kg m2), swing to 1e-2 kg m2.
+
+    The slope of a path has kinks at its postures, which a table of cubics rounds off; the swing follows the slope.
+    """
+    model, body, row = (
+        build_model(SCENARIO.plant, SCENARIO.dt_s),
+        build_body(SCENARIO.plant.subject),
+        np.empty(GEOMETRY_SIZE),
+    )
+    for alpha in np.linspace(0.0, 2.0, 1001):
+        posture_geometry(model, alpha, row)
+        exact = posture_row(body, MOVES, alpha)
+        np.testing.assert_allclose(row[:-3], exact[:-3], atol=2e-5)
+        np.testing.assert_allclose(row[-3:], exact[-3:], atol=1e-2)
+
+
+def plant(**settings):
+    scenario = skydiver(NAME, **settings)
+    return SkydiverPlant(scenario.plant, scenario.dt_s)
+
+
+def refused(**settings):
+    with pytest.raises(ParameterError) as caught:
+        plant(**settings)
+    return str(caught.value)
+
+
+def test_limits_beyond_the_path_are_refused():
+    assert "keep the limits within the path" in refused(limits__alpha=[-1.0, 2.0])
+
+
+def test_a_path_that_starts_elsewhere_than_the_posture_is_refused():
+    message = refused(posture="track")
+    assert "not in posture track at initial.alpha = 0" in message
+
+
+def test_a_posture_of_a_path_beyond_the_joint_limits_is_named():
+    bent = {"name": "bent", "joint_angles_deg": {"left_knee": [170.0, 0.0, 0.0]}}
+    keyframes = [{"alpha": 0.0, "posture": "neutral"}, {"alpha": 2.0, "posture": bent}]
+    message = refused(pattern__keyframes=keyframes)
+    assert "posture bent of pattern layout is beyond the joint limits" in message
+
+
+@pytest.mark.parametrize(
+    ("keyframes", "sentence"),
+    [
+        ([{"alpha": 0.0, "posture": "neutral"}], "give at least two"),
+        ([{"alpha": 1.0, "posture": "neutral"}, {"alpha": 1.0, "posture": "track"}], "sort them"),
+    ],
+)
+def test_keyframes_that_make_no_path_are_refused(keyframes, sentence):
+    assert sentence in refused(pattern__keyframes=keyframes)
+
+
+def spike(at, width):
+    """The arms go to track and come back between two nodes of a coarse table."""
+    alphas = (0.0, at - width, at, at + width, 2.0)
+    names = ("neutral", "neutral", "track", "neutral", "neutral")
+    return [{"alpha": alpha, "posture": name} for alpha, name in zip(alphas, names, strict=True)]
+
+
+@pytest.mark.parametrize(
+    ("nodes", "keyframes"), [(9, None), (17, None), (65, spike(1.02, 0.01)), (65, spike(0.4, 0.02))]
+)
+def test_a_table_too_coarse_for_its_path_is_refused(nodes, keyframes):
+    message = refused(pattern_nodes=nodes, **({"pattern__keyframes": keyframes} if keyframes else {}))
+    assert f"plant.pattern_nodes = {nodes} is too few for pattern layout" in message
+    assert "raise plant.pattern_nodes" in message
+
+
+@pytest.mark.parametrize("nodes", [9, 33, 65, 257])
+def test_the_few_places_that_are_checked_are_the_worst(nodes):
+    settings = skydiver(NAME, pattern_nodes=nodes).plant
+    model = build_model(settings, SCENARIO.dt_s, MOVES)
+    assert table_error(settings, model, MOVES, 6) == table_error(settings, model, MOVES)
+
+
+def test_a_dense_table_and_any_table_of_a_direction_are_taken():
+    plant(pattern_nodes=65)
+    straight = skydiver("bank_recovery", pattern_nodes=9)
+    SkydiverPlant(straight.plant, straight.dt_s)

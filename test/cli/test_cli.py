@@ -1,0 +1,313 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line: help, refusals, output and exit codes."""
+
+import inspect
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from click.testing import CliRunner, Result
+from recordings import without, write_run
+from runs import CART, cart, random_run, run_of
+
+from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.cli.main import main
+from skydiver_utc.cli.settings import parse_setting
+from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, scenario_names
+
+SCENARIO = "slow_turn_pose_only"
+SHORT = ("--set", "duration_s=0.1")
+# Before click 8.2 stderr came mixed into stdout unless asked otherwise.
+APART = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
+
+
+def call(*arguments: object) -> Result:
+    return CliRunner(**APART).invoke(main, list(map(str, arguments)))
+
+
+def refused(*arguments: object) -> str:
+    """The sentence with which a call is refused."""
+    result = call(*arguments)
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    assert "Traceback" not in result.stderr
+    assert result.stderr.count("Error: ") == 1
+    return result.stderr.partition("Error: ")[2]
+
+
+PATTERN = [["pattern", name] for name in ("neutral", "design", "show", "extract", "import")]
+OTHERS = [["run"], ["simulate"], ["analyse"], ["replay"], ["recover"], ["scenarios"], ["trim"], ["stability"]]
+
+
+@pytest.mark.parametrize("command", [[], *OTHERS, *PATTERN, ["compare", "paper"], ["study", "tuning"]])
+def test_every_command_has_help(command: list[str]) -> None:
+    result = call(*command, "--help")
+    assert result.exit_code == 0
+    assert result.stdout.startswith("Usage: ")
+
+
+@pytest.mark.parametrize("command", ["run", "simulate", "replay"])
+def test_the_help_explains_exit_codes(command: str) -> None:
+    assert "exit code" in call(command, "--help").stdout
+
+
+def test_help_imports_nothing_but_click() -> None:
+    program = (
+        "import sys, skydiver_utc.cli.main as cli\n"
+        "cli.main(['--help'], standalone_mode=False)\n"
+        "heavy = {'numpy', 'numba', 'rclpy', 'matplotlib', 'pydantic', 'yaml', 'rich', 'mcap', 'rosbags'}\n"
+        "print(*heavy & set(sys.modules), file=sys.stderr)\n"
+    )
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stderr) == (0, "\n")
+
+
+def test_the_package_is_the_command() -> None:
+    program = [sys.executable, "-m", "skydiver_utc", "--help"]
+    assert "skydiver-utc" in subprocess.run(program, capture_output=True, text=True, check=True).stdout
+    assert call("--version").exit_code == 0
+
+
+def test_scenarios_are_listed_with_their_titles() -> None:
+    titles = json.loads(call("scenarios", "--json").stdout)
+    assert list(titles) == scenario_names()
+    assert titles["back_layout"] == load_scenario("back_layout").title
+    assert all(titles.values())
+    assert all(name in call("scenarios").stdout for name in titles)
+
+
+def test_a_scenario_is_shown_with_all_its_settings() -> None:
+    shown = call("scenarios", "--show", "back_layout").stdout
+    assert from_yaml(shown) == load_scenario("back_layout")
+    assert "nothing" in refused("scenarios", "--show", "nothing")
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("controller.K_q=1", "controller.K_q"),
+        *(
+            (f"controller.K_p={value}", "controller.K_p")
+            for value in ("fast", "true", "", "[1, 2]", "{a: 1}")
+        ),
+        *((f"controller.K_p={value}", "finite") for value in (".nan", ".inf", "-.inf")),
+        *((f"dt_s={value}", "dt_s") for value in ("-0.0042", "0", "2", "0.0042000001234")),
+        ("plant.limits.alpha=[1.5, -1.5]", "alpha"),
+        *((setting, "NAME=VALUE") for setting in ("duration_s", "=1", "duration s=1", "a..b=1", "a=1\nb: 2")),
+        ("plant.limits.alpha=[1", "YAML"),
+    ],
+)
+def test_wrong_settings_are_refused(setting: str, words: str) -> None:
+    assert words in refused("simulate", SCENARIO, "--set", setting)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["fly", SCENARIO], "fly"),
+        (["simulate"], "SCENARIO"),
+        (["simulate", "slow_turn_pose"], "slow_turn_pose_only"),
+        (["run", "slow_turn_pose"], "slow_turn_pose_only"),
+        (["simulate", "nowhere/nothing.yaml"], "nothing.yaml"),
+        (["simulate", SCENARIO, "--figure", "figure.pdf"], ".png"),
+        (["simulate", SCENARIO, "--figure", "nowhere/figure.png"], "nowhere"),
+        (["analyse", "nowhere"], "nowhere"),
+        (["trim", "boxx"], "'boxx'"),
+        (["trim", "--subject", "nobody"], "'nobody'"),
+        (["trim", "--scenario", "nowhere"], "'nowhere'"),
+        (
+            ["trim", "head_down", "--set", "plant.posture.joint_angles_deg.left_shoulder=[0, 10, 0]"],
+            "head_down",
+        ),
+        (["pattern", "design", "bank_recovery", "--seed", "-1"], "--seed"),
+        (["replay", "nowhere", "--check", "--rate", "2"], "--rate"),
+        (["replay", "nowhere", "--controller", SCENARIO], "--controller"),
+    ],
+)
+def test_wrong_input_is_refused(arguments: list[str], words: str) -> None:
+    assert words in refused(*arguments)
+
+
+class TestFiles:
+    """Refusals of files and folders."""
+
+    def test_run_folder_that_exists(self, tmp_path: Path) -> None:
+        assert str(tmp_path) in refused("run", SCENARIO, "--folder", tmp_path)
+
+    def test_folder_without_a_bag(self, tmp_path: Path) -> None:
+        assert str(tmp_path) in refused("analyse", tmp_path)
+
+    def test_file_that_is_no_bag(self, tmp_path: Path) -> None:
+        (tmp_path / "run_0.mcap").write_bytes(b"not MCAP at all")
+        assert "MCAP" in refused("analyse", tmp_path)
+        assert "run folder" in refused("analyse", tmp_path / "run_0.mcap")
+
+    def test_bag_of_a_run_with_holes(self, tmp_path: Path) -> None:
+        folder = write_run(tmp_path / "run", random_run(cart()), without("state", 17))
+        assert "1 of 81 steps" in refused("analyse", folder)
+
+    @pytest.mark.parametrize("command", ["neutral", "design"])
+    def test_a_file_that_exists(self, command: str, tmp_path: Path) -> None:
+        (tmp_path / "mine.yaml").write_text("mine", encoding="utf-8")
+        sentence = refused("pattern", command, "bank_recovery", "--out", tmp_path / "mine.yaml")
+        assert "mine.yaml" in sentence
+        assert "--force" in sentence
+
+
+class TestOtherPlants:
+    """A scenario whose plant is not a skydiver."""
+
+    @pytest.fixture
+    def scenario(self, tmp_path: Path) -> Path:
+        content = yaml.safe_load(CART)
+        content["reference"] = {"kind": "constant", "values": {"yaw_rate": 0.0}}
+        (tmp_path / "cart.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+        return tmp_path / "cart.yaml"
+
+    @pytest.mark.parametrize(
+        "command",
+        [
+            ["trim", "--scenario"],
+            ["pattern", "show", "turn", "--scenario"],
+            ["pattern", "neutral"],
+            ["stability"],
+        ],
+    )
+    def test_commands_for_the_skydiver_refuse_it(self, command: list[str], scenario: Path) -> None:
+        sentence = refused(*command, scenario)
+        assert "skydiver" in sentence
+        assert "linear" in sentence
+
+    def test_an_output_that_the_plant_does_not_have_is_named(self, scenario: Path) -> None:
+        sentence = refused("simulate", scenario)
+        assert "yaw_rate" in sentence
+        assert "place, speed" in sentence
+
+    def test_a_module_that_cannot_be_found_is_named(self, scenario: Path) -> None:
+        sentence = refused("simulate", scenario, "--set", "plant={kind: my_module:MyPlant}")
+        assert "my_module" in sentence
+        assert "PYTHONPATH" in sentence
+
+    def test_a_recorded_run_is_analysed(self, tmp_path: Path) -> None:
+        folder = write_run(tmp_path / "run", random_run(cart()), run_id="7")
+        values = json.loads(call("analyse", folder, "--json").stdout)
+        assert list(values["outputs"]) == ["place", "speed"]
+        assert values["run_id"] == "7"
+        assert "A cart on rails" in (folder / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("setting", "expected"),
+    [
+        ("a.b=50", ("a.b", 50)),
+        ("a.b = 1e-4", ("a.b", 1e-4)),
+        ("a=[0, 5.0]", ("a", [0, 5.0])),
+        ("a=utc", ("a", "utc")),
+        ("a=b=c", ("a", "b=c")),
+        ("a=true", ("a", True)),
+    ],
+)
+def test_values_are_yaml(setting: str, expected: tuple[str, object]) -> None:
+    assert parse_setting(setting) == expected
+    with pytest.raises(ParameterError):
+        parse_setting("a={b: 1, b: 2}")
+
+
+def test_simulate_prints_one_json_object_or_a_table() -> None:
+    result = call("simulate", SCENARIO, *SHORT, "--json")
+    assert (result.exit_code, result.stderr) == (0, "")
+    values = json.loads(result.stdout)
+    assert list(values) == list(metrics(run_of()))
+    assert (values["outcome"], values["simulated_time_s"]) == ("completed", pytest.approx(0.1008))
+    table = call("simulate", SCENARIO, *SHORT).stdout
+    for part in ("completed", "yaw rate: RMSE from 2 s on", "deg/s", "24 steps"):
+        assert part in table
+
+
+def test_the_last_of_two_settings_counts_and_a_whole_number_is_a_float() -> None:
+    more = ("--set", "duration_s=0.05", "--set", "controller.K_p=2")
+    result = call("simulate", SCENARIO, *SHORT, *more, "--json")
+    assert json.loads(result.stdout)["simulated_time_s"] == pytest.approx(0.0504)
+
+
+def test_simulate_draws(tmp_path: Path) -> None:
+    figure = tmp_path / "figure.png"
+    assert call("simulate", SCENARIO, *SHORT, "--figure", figure).exit_code == 0
+    assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("outcome", Outcome)
+def test_the_exit_code_is_that_of_the_outcome(monkeypatch: pytest.MonkeyPatch, outcome: Outcome) -> None:
+    def ended(*_: Any) -> Any:
+        return run_of(outcome=outcome)
+
+    monkeypatch.setattr("skydiver_utc.cli.simulate.run_scenario", ended)
+    result = call("simulate", SCENARIO, "--json")
+    to_its_end = outcome in (Outcome.COMPLETED, Outcome.ROLLED_OVER)
+    assert (result.exit_code, json.loads(result.stdout)["outcome"]) == (0 if to_its_end else 1, outcome.value)
+
+
+def test_ctrl_c_ends_a_simulation_without_a_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: Any) -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("skydiver_utc.cli.simulate.run_scenario", interrupted)
+    result = call("simulate", SCENARIO)
+    assert result.exit_code == 130
+    assert "Traceback" not in result.stderr
+
+
+def test_analyse_makes_metrics_figure_and_report_from_the_bag_alone(tmp_path: Path) -> None:
+    run = random_run(cart())
+    folder = write_run(tmp_path / "run", run)
+    printed = call("analyse", folder, "--json").stdout
+    of_recording = {"run_id": "", "ignored_messages": {}, "reference_steps_not_recorded": 0}
+    assert json.loads(printed) == {**metrics(run), **of_recording}
+    assert (folder / "metrics.json").read_text(encoding="utf-8") == printed
+    made = [folder / name for name in ("metrics.json", "tracking.png", "report.html")]
+    first = [path.read_bytes() for path in made]
+    assert "completed" in call("analyse", folder).stdout
+    assert [path.read_bytes() for path in made] == first
+
+
+def test_analyse_of_an_aborted_run_is_no_failure(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run", random_run(cart()), without("outcome"))
+    result = call("analyse", folder, "--json")
+    assert (result.exit_code, json.loads(result.stdout)["outcome"]) == (0, "aborted")
+
+
+class TestTrim:
+    """The straight fall of a posture."""
+
+    def test_one_json_object(self) -> None:
+        result = call("trim", "--json")
+        assert (result.exit_code, result.stderr) == (0, "")
+        values = json.loads(result.stdout)
+        assert (values["posture"], values["facing"]) == ("neutral", "belly to earth")
+        assert max(values["residual_m_s2"], values["residual_rad_s2"]) < 1e-6
+        assert values["glide_angle_deg"] == pytest.approx(0.0, abs=1e-3)
+        assert values["pitch_deg"] == pytest.approx(8.0, abs=1e-3)
+        assert sum(2 if mode["frequency_hz"] else 1 for mode in values["modes"]) == 8
+        assert len(values["turning"]["steady"]) == 4
+
+    def test_tables(self) -> None:
+        result = call("trim", "track", "--set", "plant.subject.suit=rig")
+        assert result.exit_code == 0
+        for part in ("glide angle", "slide oscillation", "stable", "Steady yaw rate", "back to earth"):
+            assert part in result.stdout
+
+    def test_rounding_errors_do_not_show_in_the_tables(self) -> None:
+        """The same text in an air whose density differs by a hundred times the machine's precision."""
+        airs = ("0.909", "0.90900000000002", "0.90899999999998")
+        texts = {call("trim", "track", "--set", f"plant.air.density_kg_m3={air}").stdout for air in airs}
+        assert len(texts) == 1
+
+    def test_it_falls_straight_whoever_falls(self) -> None:
+        values = json.loads(call("trim", "--set", "plant.subject.mass_kg=65", "--json").stdout)
+        assert values["mass_kg"] == pytest.approx(65)
+        assert values["glide_angle_deg"] == pytest.approx(0.0, abs=1e-3)

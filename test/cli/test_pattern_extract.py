@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Movement patterns of recorded postures: against designed patterns, algebra, and NumPy's eigenvectors."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from postures import NAMES, csv_of, direction_of, neutral
+from recordings import bag_of_postures
+
+from skydiver_utc.body.posture import pattern_direction, posture_angles
+from skydiver_utc.body.principal_components import principal_components
+from skydiver_utc.cli.main import main
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.parameters import load_scenario
+from skydiver_utc.parameters.yaml_io import read_yaml
+from skydiver_utc.plants.skydiver.pattern_kinds import PATTERN_KINDS
+
+
+def extract(source, *arguments):
+    result = CliRunner().invoke(main, ["pattern", "extract", str(source), *arguments])
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def components(path):
+    return pattern_direction(
+        load_scenario("bank_recovery", {"plant.pattern": str(path)}).plant.pattern
+    ).ravel()
+
+
+def fast_turn():
+    """Postures (n, 45) of the fast turn over 5 s, every eighth step, as the node sends them."""
+    scenario = load_scenario("fast_turn_unknown_dynamics", {"duration_s": 5.0})
+    run = simulate(scenario)
+    return np.array([run.plant.joint_angles(applied) for applied in run.applied[::8]])
+
+
+def test_the_fast_turn_gives_its_pattern_back(tmp_path):
+    """From a bag: the direction to rounding, all of the variance, and the sign that turns left."""
+    postures = fast_turn()
+    out, mean = tmp_path / "extracted.yaml", tmp_path / "mean.yaml"
+    bag = bag_of_postures(tmp_path / "run", postures, NAMES)
+    printed = extract(bag, "--out", str(out), "--mean", str(mean))
+    assert "turns left" in printed
+    np.testing.assert_allclose(components(out), direction_of("turn"), atol=1e-8)
+    (only,) = json.loads(extract(bag, "--json"))["components"]
+    assert only["explained_variance"] == pytest.approx(1.0, abs=1e-12)
+    content = read_yaml(out)
+    assert content["name"] == "extracted"
+    assert "explains 1.0000 of the variance" in content["source"]
+    found = posture_angles(load_scenario("bank_recovery", {"plant.posture": str(mean)}).plant.posture).ravel()
+    np.testing.assert_allclose(found, postures.mean(axis=0), atol=1e-10)
+
+
+@pytest.mark.parametrize("name", PATTERN_KINDS)
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_sign_is_that_of_the_library_whichever_way_was_moved(tmp_path, name, way):
+    """An uneven motion about neutral, and the same one backwards."""
+    alphas = way * np.array([0.0, 0.1, 0.5, 0.2, -0.1, -0.2])
+    source = csv_of(tmp_path / "moved.csv", neutral() + alphas[:, None] * direction_of(name))
+    (only,) = json.loads(extract(source, "--json"))["components"]
+    np.testing.assert_allclose(np.ravel(only["direction"]), direction_of(name), atol=1e-9)
+    low, high = sorted((alphas - alphas.mean())[[alphas.argmin(), alphas.argmax()]])
+    assert only["alpha_rad"] == pytest.approx([low, high], abs=1e-9)
+
+
+def two_patterns():
+    """Postures of turn and pitch at once with a tremor of the neck, and their shares of the variance, by algebra.
+
+    Sines and cosines of whole periods have no mean and are orthogonal to one another: the variance along a
+    direction is half the square of its amplitude.
+    """
+    phase = 2 * np.pi * np.arange(200) / 200
+    amplitudes = np.array([0.3, 0.6, 0.05])
+    tremor = np.zeros(45)
+    tremor[NAMES.index("neck_rotation")] = 1.0
+    directions = np.array([direction_of("turn"), direction_of("pitch"), tremor])
+    scores = np.array([np.cos(phase), np.sin(2 * phase), np.sin(31 * phase)]).T * amplitudes
+    return neutral() + scores @ directions, directions, amplitudes**2 / (amplitudes**2).sum()
+
+
+def test_two_patterns_at_once_are_separated(tmp_path):
+    postures, directions, shares = two_patterns()
+    source = csv_of(tmp_path / "both.csv", postures)
+    values = json.loads(extract(source, "--json"))
+    assert values["postures"] == 200
+    for row, place in zip(values["components"], (1, 0, 2), strict=True):
+        assert row["explained_variance"] == pytest.approx(shares[place], rel=1e-9)
+        found = np.ravel(row["direction"])
+        assert abs(found @ directions[place]) == pytest.approx(1.0, abs=1e-9)
+    for component, name in ((1, "pitch"), (2, "turn")):
+        out = tmp_path / f"{name}.yaml"
+        extract(source, "--component", str(component), "--out", str(out))
+        np.testing.assert_allclose(components(out), direction_of(name), atol=1e-8)
+
+
+def test_with_noise_they_are_the_eigenvectors_of_the_covariance():
+    postures, directions, _ = two_patterns()
+    postures = postures + 0.01 * np.random.default_rng(1).normal(size=postures.shape)
+    found = principal_components(postures)
+    variances, vectors = np.linalg.eigh(np.cov(postures, rowvar=False))
+    np.testing.assert_allclose(found.shares, variances[::-1] / variances.sum(), atol=1e-12)
+    overlap = np.abs(found.directions.reshape(-1, 45) @ vectors[:, ::-1])
+    np.testing.assert_allclose(np.diag(overlap)[:3], 1.0, atol=1e-9)
+    # The noise turns a direction by about its own size over the motion's, here 0.01 over 0.3 / sqrt(2).
+    assert abs(found.directions[1].ravel() @ directions[0]) > 0.99
+    np.testing.assert_allclose(found.mean.ravel(), postures.mean(axis=0))
+
+
+def test_what_was_not_recorded_is_the_scenario_s_posture(tmp_path):
+    names = ["left_hip_rotation", "right_hip_rotation"]
+    degrees = np.deg2rad([[0.0, 0.0], [10.0, -10.0], [20.0, -20.0]])
+    out, mean = tmp_path / "hips.yaml", tmp_path / "mean.yaml"
+    extract(csv_of(tmp_path / "hips.csv", degrees, names), "--out", str(out), "--mean", str(mean))
+    expected = np.zeros(45)
+    expected[[NAMES.index(name) for name in names]] = np.array([1.0, -1.0]) / np.sqrt(2.0)
+    np.testing.assert_allclose(components(out), expected, atol=1e-8)
+    posture = posture_angles(
+        load_scenario("bank_recovery", {"plant.posture": str(mean)}).plant.posture
+    ).ravel()
+    changed = neutral().copy()
+    changed[[NAMES.index(name) for name in names]] = np.deg2rad([10.0, -10.0])
+    np.testing.assert_allclose(posture, changed, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("postures", "arguments", "words"),
+    [
+        (np.tile(neutral(), (4, 1)), [], "do not move"),
+        (two_patterns()[0], ["--component", "4"], "move along 3 directions"),
+        (two_patterns()[0], ["--component", "0"], "from 1 to 3"),
+        (two_patterns()[0], ["--out", "pattern.txt"], "must end in .yaml"),
+        (two_patterns()[0], ["--mean", "nowhere/mean.yaml"], "a folder that exists"),
+    ],
+)
+def test_what_cannot_be_extracted_is_refused(tmp_path, postures, arguments, words):
+    source = csv_of(tmp_path / "moved.csv", postures)
+    result = CliRunner().invoke(main, ["pattern", "extract", str(source), *arguments])
+    assert result.exit_code == 2
+    assert words in result.output
+
+
+def test_out_and_mean_are_two_files(tmp_path):
+    path = csv_of(tmp_path / "two.csv", two_patterns()[0])
+    same = ["--out", str(tmp_path / "q.yaml"), "--mean", f"{tmp_path}/./q.yaml"]
+    result = CliRunner().invoke(main, ["pattern", "extract", str(path), *same])
+    assert (result.exit_code, "--mean" in result.output) == (2, True)
+    assert not (tmp_path / "q.yaml").exists()
+
+
+@pytest.mark.parametrize("option", ["--out", "--mean"])
+def test_a_file_that_exists_is_kept_unless_forced(option, tmp_path):
+    path, mine = csv_of(tmp_path / "two.csv", two_patterns()[0]), tmp_path / "mine.yaml"
+    mine.write_text("mine", encoding="utf-8")
+    result = CliRunner().invoke(main, ["pattern", "extract", str(path), option, str(mine)])
+    assert (result.exit_code, "add --force" in result.output) == (2, True)
+    assert mine.read_text(encoding="utf-8") == "mine"
+    extract(path, option, str(mine), "--force")
+    assert mine.read_text(encoding="utf-8") != "mine"

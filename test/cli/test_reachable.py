@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The amplitude of the fast turn that a subject reaches, as docs/model.md has it."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from skydivers import skydiver
+
+from skydiver_utc.cli.main import main
+from skydiver_utc.cli.reachable import fast_turn, reachable_amplitude, tracked
+from skydiver_utc.parameters.loading import config_folder
+
+SUBJECTS = sorted(path.stem for path in (config_folder() / "subjects").glob("*.yaml"))
+SUITS = sorted(path.stem for path in (config_folder() / "suits").glob("*.yaml"))
+
+
+def table():
+    """Amplitude by subject, suit and posture, from docs/model.md."""
+    text = (Path(__file__).parents[2] / "docs" / "model.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| `(\w+)` \| `(\w+)` \|.* (\d+) \|$", text, re.MULTILINE)
+    return {tuple(names): int(amplitude) for *names, amplitude in rows}
+
+
+AMPLITUDES = table()
+
+
+def scenario_of(subject, suit, posture):
+    return skydiver(posture=posture, subject=subject, subject__suit=suit)
+
+
+def turn_at(names, amplitude):
+    turn = fast_turn(scenario_of(*names))
+    reference = turn.reference.replace(amplitude_deg_s=float(amplitude))
+    return turn.replace(reference=reference)
+
+
+def test_the_table_has_every_subject_and_suit():
+    """All but the suit rig, in which no turn is flown: docs/model.md says why."""
+    suits = set(SUITS) - {"rig"}
+    assert {names[:2] for names in AMPLITUDES} == {(subject, suit) for subject in SUBJECTS for suit in suits}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "names", [("light", "standard", "neutral_female_standard"), ("average", "formation", "neutral")]
+)
+def test_the_amplitude_of_the_table_is_tracked_and_the_next_is_not(names):
+    assert tracked(turn_at(names, AMPLITUDES[names]))
+    assert not tracked(turn_at(names, AMPLITUDES[names] + 10))
+
+
+@pytest.mark.parametrize(
+    ("fails_at", "reached"), [({200}, 0), ({210}, 200), ({350, 380}, 340), ({410, 420}, 400)]
+)
+def test_an_amplitude_counts_when_every_smaller_one_is_tracked(fails_at, reached):
+    flown = []
+
+    def is_tracked(turn):
+        flown.append(turn.reference.amplitude_deg_s)
+        return flown[-1] not in fails_at
+
+    assert reachable_amplitude(scenario_of("average", "formation", "neutral"), is_tracked) == reached
+    assert flown == [float(a) for a in range(200, min(fails_at) + 1, 10)]
+
+
+def test_the_fast_turn_is_the_subject_s_own():
+    """Its speed where drag carries the weight, and the damping's S L^2 larger with the body."""
+    average, heavy = (fast_turn(scenario_of(s, "formation", "neutral")) for s in ("average", "heavy"))
+    assert average.plant.initial.fall_speed_m_s == pytest.approx(57.22, abs=0.01)
+    assert heavy.plant.initial.fall_speed_m_s > 59
+    damping = average.plant.damping
+    assert (damping.reference_area_m2, damping.reference_length_m) == pytest.approx((1.4, 1.78))
+    # 98 kg and 1.88 m instead of 80 kg and 1.78 m: areas with the root of mass times height.
+    larger = heavy.plant.damping
+    assert larger.reference_length_m == pytest.approx(1.88)
+    assert larger.reference_area_m2 == pytest.approx(1.4 * (98 / 80 * 1.88 / 1.78) ** 0.5)
+
+
+def test_the_damping_of_the_fast_turn_is_the_same_in_every_suit():
+    """Whatever subject a suit's areas are written for."""
+    damping = [fast_turn(scenario_of("average", suit, "neutral")).plant.damping for suit in SUITS]
+    assert all(other == damping[0] for other in damping)
+
+
+def test_trim_prints_the_amplitude_if_asked(monkeypatch):
+    monkeypatch.setattr("skydiver_utc.cli.reachable.tracked", lambda turn, _: "240" not in turn.name)
+
+    def trim(*arguments):
+        return json.loads(CliRunner().invoke(main, ["trim", "--json", *arguments]).stdout)
+
+    assert trim("--reachable")["reachable_turn_deg_s"] == 230
+    assert "reachable_turn_deg_s" not in trim()

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Delay compensation against the plant itself: with a perfect model the prediction is the state to come."""
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+import pytest
+
+from skydiver_utc.controllers.delay import DelayCompensation
+from skydiver_utc.controllers.protocol import Decision, Status
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
+from skydiver_utc.parameters import Scenario, load_scenario
+
+SCENARIO = "fast_turn_unknown_dynamics"
+
+
+def fly_delayed(scenario: Scenario, controller: Any, delay: int) -> tuple[Any, Any]:
+    """States and applied (5,) of a flight in which the command for k acts on [t_k+delay, t_k+delay+1)."""
+    plant, reference = build_plant(scenario), build_reference(scenario)
+    state, held = plant.initial_state(), plant.initial_applied()
+    waiting = deque([held[:4]] * delay)
+    states, applied = [state], [held]
+    for k in range(scenario.steps):
+        waiting.append(controller.decide(state, reference.preview(k, controller.preview_steps + 1)).control)
+        before, held = held, plant.actuate(waiting.popleft(), held)
+        state = plant.step(state, before, held)
+        states.append(state)
+        applied.append(held)
+    return np.array(states), np.array(applied)
+
+
+class Spy:
+    """Asks for a moving control and remembers the state and preview that it was shown."""
+
+    preview_steps = 3
+    telemetry_names = ()
+
+    def __init__(self) -> None:
+        self.shown: list[Any] = []
+        self.resumed: Any = None
+
+    def reset(self) -> None:
+        pass
+
+    def resume(self, control: Any) -> None:
+        self.resumed = control
+
+    def decide(self, state: Any, preview: Any) -> Decision:
+        self.shown.append((state.copy(), preview.copy()))
+        alpha = np.sin(0.05 * len(self.shown))
+        return Decision(np.array([3.0, 0.2, 0.1, alpha]), np.empty(0), Status.SOLVED)
+
+
+@pytest.mark.parametrize("delay", [1, 2, 5])
+def test_the_controller_decides_on_the_state_to_come(delay: int) -> None:
+    scenario = load_scenario(SCENARIO, {"duration_s": 1.0})
+    spy = Spy()
+    controller = DelayCompensation(spy, build_plant(scenario), delay)
+    assert controller.preview_steps == spy.preview_steps + delay
+    states, _ = fly_delayed(scenario, controller, delay)
+    reference = build_reference(scenario)
+    for k, (state, preview) in enumerate(spy.shown[: scenario.steps - delay]):
+        assert state.tobytes() == states[k + delay].tobytes()
+        assert preview.tobytes() == reference.preview(k + delay, spy.preview_steps + 1).tobytes()
+
+
+def test_after_resuming_the_held_control_is_that_of_the_flight() -> None:
+    scenario = load_scenario(SCENARIO, {"duration_s": 0.1})
+    spy = Spy()
+    controller = DelayCompensation(spy, build_plant(scenario), 2)
+    held = np.array([4.0, 0.3, 0.0, 0.5])
+    controller.resume(held)
+    plant = build_plant(scenario)
+    state = plant.initial_state()
+    controller.decide(state, np.zeros(6))
+    before = np.append(held, 0.0)
+    for _ in range(2):
+        applied = plant.actuate(held, before)
+        state, before = plant.step(state, before, applied), applied
+    assert spy.shown[0][0].tobytes() == state.tobytes()
+    assert spy.resumed.tolist() == held.tolist()
+
+
+def test_without_a_delay_nothing_changes() -> None:
+    scenario = load_scenario(SCENARIO, {"duration_s": 0.5})
+    plant, reference = build_plant(scenario), build_reference(scenario)
+    controller = build_controller(scenario, plant, reference, delay_steps=0)
+    states, _ = fly_delayed(scenario, controller, 0)
+    assert states.tobytes() == simulate(scenario).states.tobytes()
+
+
+def test_the_scenarios_controller_with_a_delay_looks_further_ahead() -> None:
+    scenario = load_scenario(SCENARIO)
+    plant, reference = build_plant(scenario), build_reference(scenario)
+    plain, delayed = (build_controller(scenario, plant, reference, delay_steps=d) for d in (0, 3))
+    assert delayed.preview_steps == plain.preview_steps + 3

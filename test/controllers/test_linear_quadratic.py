@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The linear-quadratic gains against batch least squares over a long horizon, and the skydiver's linear model."""
+
+import numpy as np
+import pytest
+from scipy.linalg import logm
+from scipy.spatial.transform import Rotation
+
+from skydiver_utc import FunctionPlant
+from skydiver_utc.controllers.linear_quadratic import LinearQuadraticController, linearised
+from skydiver_utc.controllers.protocol import Status
+from skydiver_utc.controllers.settings import LqrSettings
+from skydiver_utc.loop.registry import build_plant
+from skydiver_utc.parameters import load_scenario
+from skydiver_utc.plants.skydiver.linearise import linearise
+from skydiver_utc.plants.skydiver.reduced import belly_to_earth, expanded, reduced
+from skydiver_utc.plants.skydiver.steady import HeldBody, straight_falls
+
+A = np.array([[0.9, 0.2, 0.0], [-0.1, 0.85, 0.1], [0.0, 0.05, 0.7]])
+B = np.array([[0.1, 0.0], [0.0, 0.4], [0.3, 0.1]])
+C = np.array([1.0, 0.5, -0.2])
+W, S = np.array([0.1, 0.3]), np.array([0.5, 0.2])
+STATE, CONTROL = np.array([0.4, -0.1, 0.2]), np.array([0.3, -0.6])
+
+
+def controller_of(control, minimum, maximum, preview_steps):
+    """The regulator of a linear plant about its equilibrium (STATE, CONTROL)."""
+    plant = FunctionPlant(
+        lambda x, u, dt: STATE + A @ (x - STATE) + B @ (u - CONTROL), lambda x: C @ x,
+        state=STATE, control=control, dt=1.0, minimum=minimum, maximum=maximum,
+    )  # fmt: skip
+    squared_range = (plant.maximum - plant.minimum) ** 2
+    tables = {"rest": CONTROL, "cost": W * squared_range, "change_cost": S * squared_range}
+    named = {name: dict(zip(("u0", "u1"), values.tolist(), strict=True)) for name, values in tables.items()}
+    return LinearQuadraticController(LqrSettings(horizon_steps=preview_steps, **named), plant, ("y0",), 1.0)
+
+
+def best_first_control(z, u_before, reference, steps=300):
+    """The first control of the least-squares solution over many steps, the reference constant after its end."""
+    n = 2 * steps
+    response, state_of = np.zeros((steps, n)), np.zeros((3, n))
+    free, x = np.zeros(steps), z
+    for k in range(steps):
+        state_of = A @ state_of
+        state_of[:, 2 * k : 2 * k + 2] += B
+        x = A @ x
+        response[k], free[k] = C @ state_of, C @ x
+    r = np.append(reference, np.full(steps - len(reference), reference[-1]))
+    change = np.eye(n) - np.eye(n, k=-2)
+    w, s = np.sqrt(np.tile(W, steps)), np.sqrt(np.tile(S, steps))
+    M = np.vstack([response, np.diag(w), s[:, None] * change])
+    t = np.concatenate([r - free, np.zeros(n), s * np.append(u_before, np.zeros(n - 2))])
+    return np.linalg.lstsq(M, t, rcond=None)[0][:2]
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("preview_steps", [1, 2, 25])
+def test_the_first_control_is_that_of_the_long_least_squares_problem(seed, preview_steps):
+    """Feedback, preview and the constant tail at once."""
+    generator = np.random.default_rng(seed)
+    z, u = generator.normal(size=3), generator.normal(size=2)
+    preview = generator.normal(size=preview_steps + 1)
+    controller = controller_of(CONTROL + u, -1e3, 1e3, preview_steps)
+    decision = controller.decide(STATE + z, (C @ STATE + preview)[:, None])
+    expected = CONTROL + best_first_control(z, u, preview[1:])
+    np.testing.assert_allclose(decision.control, expected, atol=1e-9)
+    assert decision.status is Status.SOLVED
+
+
+def test_it_does_not_wind_up_at_a_limit():
+    """After a long time at the limit the control leaves it as soon as one that had not been there would."""
+    at_limit = np.array([0.35, 0.35])
+    waited, fresh = (controller_of(at_limit, -0.65, 0.35, 5) for _ in range(2))
+    for _ in range(200):
+        decision = waited.decide(STATE, np.full((6, 1), 1e3))
+    np.testing.assert_array_equal(decision.control, at_limit)
+    assert decision.status is Status.SATURATED
+    back = np.full((6, 1), -50.0)
+    np.testing.assert_array_equal(waited.decide(STATE, back).control, fresh.decide(STATE, back).control)
+
+
+@pytest.fixture(scope="module")
+def skydiver():
+    """The skydiver and its linear model (A, B) about the fall belly to earth."""
+    plant, control = build_plant(load_scenario("fast_turn_pose_only")), np.array([0.2, 0.0, 0.0, 0.0])
+    return plant.constants, control, linearised(plant, plant.reduced(control), control, ("yaw_rate",))
+
+
+def test_reduced_states_forget_position_and_heading_only():
+    generator = np.random.default_rng(0)
+    attitude = Rotation.from_euler("xyz", [0.3, -0.4, 0.0])
+    turned = Rotation.from_euler("z", 1.1) * attitude
+    rest = generator.normal(size=6)
+    states = [np.concatenate([np.full(3, p), q.as_quat(), rest]) for p, q in ((0.0, attitude), (5.0, turned))]
+    np.testing.assert_allclose(reduced(states[0]), reduced(states[1]), atol=1e-15)
+    up = attitude.inv().apply([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(reduced(states[0])[:2], up[:2], atol=1e-15)
+    np.testing.assert_allclose(reduced(expanded(reduced(states[0]))), reduced(states[0]), atol=1e-15)
+
+
+def test_the_linearised_step_has_the_eigenvalues_of_the_linearised_fall(skydiver):
+    """Those of the continuous model, in other coordinates, put through the Runge-Kutta method's polynomial."""
+    model, control, linear = skydiver
+    rates = np.linalg.eigvals(linearise(HeldBody(model, control), straight_falls(model)[0]))
+    z = rates * model.dt
+    expected = 1.0 + z + z**2 / 2.0 + z**3 / 6.0 + z**4 / 24.0
+    for value in np.linalg.eigvals(linear.A):
+        assert np.abs(expected - value).min() < 1e-8
+
+
+def test_the_control_matrix_is_that_of_the_accelerations_integrated(skydiver):
+    """B = (A - 1) log(A)^-1 dt b, b the accelerations by each control, but for the Runge-Kutta method's error."""
+    model, rest, linear = skydiver
+    trim = belly_to_earth(model)
+    integral = (linear.A - np.eye(8)) @ np.linalg.inv(logm(linear.A).real)
+    up = np.append(trim[:2], np.sqrt(1.0 - trim[0] ** 2 - trim[1] ** 2))
+    for column in (1, 2, 3):
+        plus, minus = (
+            HeldBody(model, rest + step * np.eye(4)[column]).accelerations(up, trim[5:], trim[2:5])
+            for step in (1e-4, -1e-4)
+        )
+        slope = (plus - minus) / 2e-4
+        expected = integral @ np.concatenate([np.zeros(2), slope[3:], slope[:3]]) * model.dt
+        np.testing.assert_allclose(linear.B[:, column], expected, atol=1e-3 * np.abs(expected).max())
+    assert linear.B[4, 3] > 0.0
+    np.testing.assert_allclose(linear.B[:, 0], 0.0, atol=1e-12)

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Path-integral control on a linear-quadratic toy: what it converges to is known in closed form."""
+
+import numba
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_lyapunov
+
+from skydiver_utc import FunctionPlant
+from skydiver_utc.controllers.path_integral import PathIntegralController
+from skydiver_utc.controllers.protocol import Status
+from skydiver_utc.controllers.settings import MppiSettings
+
+GAIN = np.array([1.0, -0.5])
+COST, REST = np.array([0.3, 0.2]), np.array([0.1, -0.2])
+REFERENCE = 1.2
+DEVIATION = np.array([0.4, 0.3])
+TEMPERATURE = 0.15
+START = np.array([0.3, -0.2])
+FREE = (np.full(2, -100.0), np.full(2, 100.0), np.full(2, np.inf))
+
+# J(u) = (GAIN u - r)^2 + sum w (u - rest)^2 = (u - u*)' CURVATURE (u - u*) + const.
+CURVATURE = np.outer(GAIN, GAIN) + np.diag(COST)
+MINIMISER = np.linalg.solve(CURVATURE, REFERENCE * GAIN + COST * REST)
+# exp(-J / lambda) times the samples' density is a normal density of this precision.
+PRECISION = np.diag(DEVIATION**-2.0) + 2.0 * CURVATURE / TEMPERATURE
+
+
+@numba.njit
+def gain(x, u, dt):
+    return np.array([u[0] * GAIN[0] + u[1] * GAIN[1]])
+
+
+def controller_of(samples, seed, limits=FREE, plant=gain, deviation=DEVIATION):
+    minimum, maximum, rate = limits
+    own = FunctionPlant(
+        plant, state=[0.0], control=START, dt=1.0, minimum=minimum, maximum=maximum, rate=rate
+    )
+    span = own.maximum - own.minimum
+    tables = {
+        "rest": REST, "cost": COST * span**2, "change_cost": np.full(2, 1e-12), "deviation": deviation / span
+    }  # fmt: skip
+    named = {name: dict(zip(("u0", "u1"), values.tolist(), strict=True)) for name, values in tables.items()}
+    law = MppiSettings(horizon_steps=1, blocks=1, samples=samples, temperature=TEMPERATURE, **named)
+    return PathIntegralController(law, own, ("y0",), 1.0, seed)
+
+
+def decided(controller):
+    return controller.decide(np.zeros(1), np.full((2, 1), REFERENCE))
+
+
+def one_step_from(control):
+    """Mean of the weighted samples drawn around a control, without sampling error."""
+    return np.linalg.solve(PRECISION, DEVIATION**-2.0 * control + 2.0 * CURVATURE @ MINIMISER / TEMPERATURE)
+
+
+def sampling_covariance(centre, samples):
+    """Covariance of the weighted mean of samples drawn around a control: E_q[(p/q)^2 (u - mean) (u - mean)'] / S.
+
+    p is the weighted density and q that of the samples, both normal, so that p^2 / q is a multiple of a normal one.
+    """
+    drawn = np.diag(DEVIATION**-2.0)
+    mean, precision = one_step_from(centre), 2.0 * PRECISION - drawn
+    middle = np.linalg.solve(precision, 2.0 * PRECISION @ mean - drawn @ centre)
+    exponent = middle @ precision @ middle - 2.0 * mean @ PRECISION @ mean + centre @ drawn @ centre
+    determinants = np.linalg.det(PRECISION) ** 2 / (np.linalg.det(drawn) * np.linalg.det(precision))
+    away = middle - mean
+    return (
+        np.sqrt(determinants)
+        * np.exp(0.5 * exponent)
+        * (np.linalg.inv(precision) + np.outer(away, away))
+        / samples
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_one_step_is_the_mean_of_the_weighted_density(seed):
+    decision = decided(controller_of(20000, seed))
+    error = np.abs(decision.control - one_step_from(START))
+    bound = 5.0 * np.sqrt(np.diag(sampling_covariance(START, 20000)))
+    assert (error < bound).all()
+    assert (bound < 0.3 * np.abs(START - one_step_from(START))).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_it_converges_to_the_minimiser_within_the_sampling_error(seed):
+    """Each step shrinks the distance by PRECISION^-1 DEVIATION^-2 and adds a sampling error."""
+    shrink = np.linalg.solve(PRECISION, np.diag(DEVIATION**-2.0))
+    stationary = solve_discrete_lyapunov(shrink, sampling_covariance(MINIMISER, 4000))
+    controller = controller_of(4000, seed)
+    for _ in range(60):
+        decision = decided(controller)
+    bound = 5.0 * np.sqrt(np.diag(stationary))
+    assert (np.abs(decision.control - MINIMISER) < bound).all()
+    assert (bound < 0.1).all()
+
+
+def test_one_seed_gives_the_same_bits_and_another_does_not():
+    first, second, other = (controller_of(100, seed) for seed in (7, 7, 8))
+    flown = [[decided(c).control.tobytes() for _ in range(5)] for c in (first, second, other)]
+    assert flown[0] == flown[1]
+    assert flown[0] != flown[2]
+    first.reset()
+    assert [decided(first).control.tobytes() for _ in range(5)] == flown[0]
+
+
+def test_the_first_sample_is_the_sequence_at_hand():
+    np.testing.assert_allclose(decided(controller_of(3, 0, deviation=np.zeros(2))).control, START, rtol=1e-15)
+
+
+def test_limits_hold():
+    minimum, maximum, rate = limits = np.array([-1.0, -1.0]), np.array([0.3, 1.0]), np.array([np.inf, 0.05])
+    controller = controller_of(200, 0, limits)
+    before = START
+    for _ in range(40):
+        decision = decided(controller)
+        assert (decision.control >= minimum).all()
+        assert (decision.control <= maximum).all()
+        assert abs(decision.control[1] - before[1]) <= rate[1] + 1e-15
+        before = decision.control
+    assert decision.control[0] > 0.2
+
+
+def test_samples_that_diverge_count_nothing():
+    """Half of the samples have no finite output; the mean is that over the other half plane."""
+    decision = decided(
+        controller_of(2000, 1, plant=lambda x, u, dt: gain(x, u, dt) if u[0] <= START[0] else np.full(1, np.nan))
+    )  # fmt: skip
+    assert decision.status is not Status.KEPT_PREVIOUS
+    assert np.isfinite(decision.control).all()
+    assert np.isfinite(decision.telemetry).all()
+    assert decision.control[0] < START[0]
+
+
+def test_without_any_finite_sample_the_control_is_kept():
+    def ends_at_one(x, u, dt):
+        return gain(x, u, dt) if x[0] < 1.0 else np.full(1, np.inf)
+
+    controller = controller_of(10, 1, plant=ends_at_one)
+    decision = controller.decide(np.ones(1), np.full((2, 1), REFERENCE))
+    assert decision.status is Status.KEPT_PREVIOUS
+    np.testing.assert_array_equal(decision.control, START)

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The skydiver's UTC and its coupling against the paper's equations written out apart from the code."""
+
+import numpy as np
+import paper_utc as paper
+import plain_utc
+import pytest
+from carts import controller
+from scipy.spatial.transform import Rotation
+
+from skydiver_utc.controllers.utc.coupling import CouplingSchedule
+from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
+from skydiver_utc.parameters import load_scenario
+
+DT = 0.0042
+TURN = "fast_turn_unknown_dynamics"
+COUPLING = load_scenario(TURN).controller.coupling
+NAMES = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
+RATE = np.array([np.inf, np.inf, np.inf, paper.SLEW])
+
+
+def schedule(k_hyst, **changes):
+    settings = COUPLING.replace(k_hyst_s=k_hyst * DT, **changes)
+    return CouplingSchedule(settings, np.diag(paper.VARIANCES), NAMES, Qu_ratio=0.1, dt_s=DT)
+
+
+def nonlinear_plant(x, u, dt):
+    """A toy with the skydiver's controls: yaw driven by alpha and the hands, damped by Cm."""
+    return x + dt * (9.0 * np.sin(u[3]) + 0.3 * (u[2] - u[1]) - 4.0 * u[0] * x - 0.2 * x * np.abs(x))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_one_step_equals_the_paper(seed):
+    """Random controls, some on their bounds, an indefinite Pu, a nonlinear plant: agreement to 1e-9."""
+    rng = np.random.default_rng(seed)
+    low, high = np.array(paper.U_MIN), np.array(paper.U_MAX)
+    on_bound = rng.random(4)
+    U = np.where(on_bound < 0.3, low, np.where(on_bound > 0.7, high, low + rng.random(4) * (high - low)))
+    signs = rng.choice([-1.0, 1.0], 3)
+    Pu, Qu = paper.initial_covariance(*signs), paper.process_noise(*signs)
+    x, r = rng.normal(0, 3, 1), rng.normal(0, 3, 21)
+    tried = controller(
+        nonlinear_plant, None, state=[0.0], control=paper.U_INITIAL, dt=DT, horizon=20, minimum=low, maximum=high,
+        rate=RATE, covariance_floor=1e-9,
+    )  # fmt: skip
+    tried.reset(U, Pu)
+    result = tried.step(x, r, Qu=Qu)
+    expected = paper.utc_step(
+        U, Pu, x, r, Qu, nonlinear_plant, lambda s: s, lambda s: float(s[0]), paper.Settings(dt=DT)
+    )
+    np.testing.assert_allclose(result.control, expected.U, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(result.predicted, expected.updated.Ypred, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(result.covariance, expected.Pu, rtol=1e-7, atol=1e-7)
+
+
+class Turn:
+    """A scenario's turn: its plant, its controller, and what the paper's text takes of it."""
+
+    def __init__(self, name, **changes):
+        self.scenario = load_scenario(
+            name, {f"controller.{n.replace('__', '.')}": v for n, v in changes.items()}
+        )
+        self.law = self.scenario.controller
+        self.plant, reference = build_plant(self.scenario), build_reference(self.scenario)
+        self.controller = build_controller(self.scenario, self.plant, reference)
+        self.reference = reference.preview(0, 600)
+        self.signal = self.reference[:, 0]
+        self.s14 = paper.s14_sequence(self.signal, round(1.0 / DT), 20, times_reference_sign=True)
+
+    def held_step(self, x, u, dt):
+        """The controller's model: the posture held over the step."""
+        following = np.empty(13)
+        self.plant.model.step(x, np.ascontiguousarray(u), self.plant.model.parameters, following)
+        return following
+
+    def window(self, k):
+        return self.reference[k : k + self.controller.preview_steps + 1]
+
+    def covariances(self, k, Pu):
+        """Pu, that of the first step if there is none yet, and Qu."""
+        s12, s13 = paper.coupling_signs("eq_q1", self.signal[k], self.signal[k + 1])
+        first = paper.initial_covariance(s12, s13, -1.0) if Pu is None else Pu
+        return first, paper.process_noise(s12, s13, self.s14[k])
+
+    def settings(self, **changes):
+        inside = self.law.dynamics
+        of_dynamics = {} if inside is None else {
+            "dynamics": "incremental", "saved": "after_first_step", "tau": round(inside.tau_s / DT),
+            "Kp": inside.K_p, "KFF": inside.K_FF,
+        }  # fmt: skip
+        floor = self.law.covariance_floor
+        return paper.Settings(
+            dt=DT, N=self.law.horizon_steps, floor=floor, recursion="applied", **of_dynamics, **changes
+        )
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        (TURN, {}),
+        ("fast_turn_pi_dynamics", {}),
+        ("fast_turn_pi_dynamics", {"dynamics__tau_s": 0.0084}),
+        ("fast_turn_pi_dynamics", {"horizon_steps": 20, "dynamics__K_p": 1.2}),
+    ],
+)
+def test_the_skydivers_utc_equals_the_paper(name, changes):
+    """Twelve closed-loop steps against the paper's text driving the same plant."""
+    turn = Turn(name, **changes)
+    x, U, Pu = turn.plant.initial_state(), turn.plant.initial_control(), None
+    for k in range(12):
+        Pu, Qu = turn.covariances(k, Pu)
+        decision = turn.controller.decide(x, turn.window(k))
+        expected = paper.utc_step(
+            U, Pu, x, turn.window(k)[:, 0], Qu, turn.held_step, lambda s: s[12:13], lambda s: float(s[12]),
+            turn.settings(),
+        )  # fmt: skip
+        np.testing.assert_allclose(decision.control, expected.U, rtol=1e-9, atol=1e-9)
+        assert decision.telemetry[0] == pytest.approx(float(expected.updated.Ypred[0]), rel=1e-9, abs=1e-11)
+        U, Pu = expected.U, expected.Pu
+        x = turn.held_step(x, U, DT)
+
+
+def test_further_outputs_equal_the_paper_with_three_outputs():
+    """Yaw rate, roll rate and fall rate tracked together, twelve steps against the paper's text with l = 3."""
+    turn = Turn("fast_turn_paper_hands")
+    further = turn.law.outputs
+    P_err = np.diag([turn.law.P_err, *(further[name].P_err for name in ("roll_rate", "fall_rate"))])
+
+    def outputs(x):
+        return np.array([x[12], x[10], -(Rotation.from_quat(x[3:7]).apply(x[7:10]))[2]])
+
+    x, U, Pu = turn.plant.initial_state(), turn.plant.initial_control(), None
+    for k in range(12):
+        Pu, Qu = turn.covariances(k, Pu)
+        decision = turn.controller.decide(x, turn.window(k))
+        signal = turn.window(k)[:, 0]
+        wanted = np.array([signal[turn.law.horizon_steps], 0.0, turn.scenario.plant.initial.fall_speed_m_s])
+        expected = paper.utc_step(
+            U, Pu, x, signal, Qu, turn.held_step, outputs, lambda s: float(s[12]), turn.settings(P_err=P_err),
+            y_ref=wanted,
+        )  # fmt: skip
+        np.testing.assert_allclose(decision.control, expected.U, rtol=1e-8, atol=1e-8)
+        U, Pu = expected.U, expected.Pu
+        x = turn.held_step(x, U, DT)
+
+
+def test_nominal_controls_are_outputs_of_the_papers_form():
+    """Twelve steps of the fast turn, its outputs the yaw rate and two of the controls."""
+    nominal = {"Cm_damp_yaw": {"value": 0.3, "variance": 0.1}, "alpha": {"value": 0.0, "variance": 2.0}}
+    turn = Turn(TURN, nominal=nominal)
+    problem = plain_utc.Problem(
+        turn.held_step, lambda x: x[12:13], DT, (turn.law.horizon_steps,), np.array(paper.U_MIN),
+        np.array(paper.U_MAX), RATE * DT, np.diag([turn.law.P_err, 0.1, 2.0]), turn.law.W0,
+        turn.law.covariance_floor, None, (0, 3), (0.3, 0.0),
+    )  # fmt: skip
+    x, U, Pu = turn.plant.initial_state(), turn.plant.initial_control(), None
+    for k in range(12):
+        Pu, Qu = turn.covariances(k, Pu)
+        decision = turn.controller.decide(x, turn.window(k))
+        U, Pu, _ = plain_utc.step(U, Pu, x, turn.window(k), Qu, problem)
+        np.testing.assert_allclose(decision.control, U, rtol=1e-9, atol=1e-10)
+        x = turn.held_step(x, U, DT)
+
+
+def test_s14_over_the_whole_turn():
+    turn = Turn(TURN)
+    steps = turn.scenario.steps
+    signal = build_reference(turn.scenario).preview(0, steps + 300)[:, 0]
+    found = schedule(238)
+    signs = [np.sign(found.process_noise(signal[k : k + 240])[0, 3]) for k in range(steps)]
+    np.testing.assert_array_equal(signs, paper.s14_sequence(signal, 238, steps, times_reference_sign=True))
+
+
+@pytest.mark.parametrize(
+    ("signs", "label"), [("yaw_rate", "eq_q1"), ("yaw_acceleration", "eq_q3"), ("none", "none")]
+)
+def test_signs_of_the_process_noise(signs, label):
+    rng = np.random.default_rng(1)
+    tried, raw = schedule(2, signs=signs), -1.0
+    for _ in range(50):
+        r = rng.normal(size=4)
+        s12, s13 = paper.coupling_signs(label, r[0], r[1])
+        raw = paper.s14_sequence(r, 2, 1, initial=raw)[0]
+        expected = paper.process_noise(s12, s13, raw * np.sign(r[0]))
+        np.testing.assert_allclose(tried.process_noise(r), expected, rtol=1e-15)
+
+
+def test_the_initial_covariance_is_the_printed_one():
+    np.testing.assert_array_equal(
+        schedule(2).initial_covariance(np.ones(4)), paper.initial_covariance(1, -1, -1)
+    )
+
+
+@pytest.mark.parametrize(("change", "share"), [(0.25, 0.25), (-0.5, 0.5), (3.0, 1.0), (0.0, 0.02)])
+def test_the_row_of_the_damping_grows_with_the_acceleration_ahead(change, share):
+    """Beyond the paper: full at 6 rad/s2, the largest |change| in the preview counts, other variances stay."""
+    tried = schedule(2, full_acceleration=6.0)
+    preview = 1.0 + np.array([0.0, 0.1, 1.1, 1.1]) * change * 6.0 * DT
+    full = np.abs(paper.process_noise(1.0, 1.0, 1.0))
+    expected = full.copy()
+    expected[0, :] *= share
+    expected[:, 0] = expected[0, :]
+    np.testing.assert_allclose(np.abs(tried.process_noise(preview)), expected, rtol=1e-12)
+    np.testing.assert_array_equal(np.abs(tried.initial_covariance(preview)), 10.0 * full)

@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Steps that have no answer as the paper's equations stand, and how UTC comes out of them."""
+
+import itertools
+
+import numba
+import numpy as np
+import paper_utc
+import plain_utc
+import pytest
+from carts import assert_usable, controller, straight
+
+from skydiver_utc import Status
+from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.controllers.utc.law import Recovery
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
+from skydiver_utc.parameters import load_scenario
+
+FREE = {"minimum": -np.inf, "maximum": np.inf}
+TURN = "fast_turn_unknown_dynamics"
+
+
+def bent(**changes):
+    """y = u + u^2."""
+    given = {"state": [0.0], "horizon": 1, "P_err": 0.5, "W0": -3.0} | FREE
+    return controller(lambda x, u, dt: u + u**2, None, **(given | changes))
+
+
+def test_a_negative_central_weight_that_makes_C_y_indefinite():
+    """W0 = -3, Pu = 4: points 0, 1, -1 with outputs 0, 2, 0. About the mean C_y < 0; about the centre it is not.
+
+    Mean 4, C_y = P_err - 3 (0 - 4)^2 + 2 ((2 - 4)^2 + (0 - 4)^2) = P_err - 8. About the centre
+    C_y = P_err + 2 x 2^2 = 8.5, C_uy = 2 x 1 x 2 = 4, and Pu = Qu + 2 (1 + 1) - 4^2 / 8.5.
+    """
+    result = bent(Pu=4.0, Qu=0.1).step([0.0], 5.0)
+    assert (result.status, result.recovery) == (Status.REPAIRED, Recovery.ABOUT_CENTRE)
+    np.testing.assert_allclose(result.predicted, [4.0], rtol=1e-12)
+    np.testing.assert_allclose(result.control, [4.0 / 8.5 * (5.0 - 4.0)], rtol=1e-12)
+    np.testing.assert_allclose(result.covariance, [[0.1 + 4.0 - 16.0 / 8.5]], rtol=1e-12)
+    assert "central point" in result.sentence
+
+
+def test_a_small_spread_needs_no_recovery():
+    result = bent(Pu=0.04, Qu=0.0).step([0.0], 0.1)
+    assert (result.status, result.recovery) == (Status.SOLVED, Recovery.NONE)
+
+
+def test_an_indefinite_covariance_is_repaired_and_reported():
+    """Eigenvalues of [[1, 2], [2, 1]] are 3 and -1: the repair adds 1, and the floor."""
+    drive = controller(straight, None, control=[0.0, 0.0], minimum=-9, maximum=9, Pu=[[1.0, 2.0], [2.0, 1.0]])
+    result = drive.step([0.0, 0.0], [0.1, 0.1])
+    assert result.status is Status.REPAIRED
+    assert result.repaired == pytest.approx(1.0, rel=1e-6)
+    assert "Pu" in result.sentence
+    assert_usable(result, -9.0, 9.0)
+
+
+def test_outputs_whose_covariance_rounding_makes_indefinite():
+    """y = 1e8 (1, 2, 3) u with P_err = 1e-4: C_y has eigenvalues of about 1e16 and 1e-4, 20 digits apart.
+
+    u moves to the reference. A step in which the rounding leaves C_y definite by chance needs nothing.
+    """
+    slopes = 1e8 * np.array([1.0, 2.0, 3.0])
+    drive = controller(
+        lambda x, u, dt: slopes * u, None, state=np.zeros(3), horizon=1, Pu=0.04, Qu=0.004, **FREE
+    )
+    found = []
+    for wanted in (0.1, -0.2, 0.3, 0.35, -0.4):
+        result = drive.step(np.zeros(3), slopes * wanted)
+        found.append(result.recovery)
+        repaired = result.recovery is Recovery.OUTPUTS_REPAIRED
+        assert (result.status is Status.REPAIRED) is repaired
+        np.testing.assert_allclose(result.control, [wanted], rtol=1e-9)
+        np.testing.assert_allclose(result.covariance, [[0.004]], rtol=1e-6)
+    assert Recovery.OUTPUTS_REPAIRED in found
+    assert set(found) <= {Recovery.NONE, Recovery.OUTPUTS_REPAIRED}
+
+
+def test_an_unstable_pole_whose_growth_exceeds_the_digits_of_a_covariance():
+    """x'' = 36 x + u over 3 s: position and speed grow e^18-fold, as one; every step has an answer."""
+
+    def plant(x, u, dt):
+        return np.array([x[0] + dt * x[1], x[1] + dt * (36.0 * x[0] + u[0])])
+
+    state, found = np.array([0.1, 0.0]), []
+    drive = controller(plant, None, state=state, dt=0.02, horizon=150, minimum=-50, maximum=50)
+    for _ in range(100):
+        result = drive.step(state, [0.0, 0.0])
+        assert result.status is not Status.KEPT_PREVIOUS
+        found.append(result.recovery)
+        state = plant(state, result.control, 0.02)
+    assert Recovery.OUTPUTS_REPAIRED in found
+    assert set(found) <= {Recovery.NONE, Recovery.OUTPUTS_REPAIRED}
+
+
+def linear_without(lost, B, u0, **changes):
+    """UTC of y = B u of which some sigma points have no output; one step of one horizon step may be taken."""
+    points = itertools.count(-1)  # the plant is tried once before
+
+    def plant(x, u, dt):
+        return np.full(len(B), np.nan) if next(points) in lost else B @ u
+
+    return controller(plant, None, state=np.zeros(len(B)), control=u0, horizon=1, **FREE, **changes)
+
+
+@pytest.mark.parametrize("lost", [[3], [0, 2], [1, 2, 3, 4]])
+def test_a_point_that_diverges_counts_no_more(lost):
+    """The update is eq:xpred to eq:utc_controller over the other points, their weights scaled to sum to one."""
+    rng = np.random.default_rng(8)
+    factor, u0, B, r = (
+        rng.normal(size=(3, 3)),
+        rng.normal(size=3),
+        rng.normal(size=(2, 3)),
+        rng.normal(size=2),
+    )
+    Pu, Qu, R = factor @ factor.T + 0.1 * np.eye(3), 0.3 * np.eye(3), np.diag([0.1, 0.2])
+    result = linear_without(lost, B, u0, P_err=R, Pu=Pu, Qu=Qu).step(np.zeros(2), r)
+    left = np.delete(paper_utc.sigma_points(u0, Pu, 0.25), lost, axis=0)
+    W = np.delete(paper_utc.weights(3, 0.25), lost)
+    W = W / W.sum()
+    expected = paper_utc.update(*paper_utc.predict(left, W, Qu), left, left @ B.T, W, r, R)
+    np.testing.assert_allclose(result.control, expected.U, rtol=1e-10)
+    np.testing.assert_allclose(result.covariance, expected.Pu, rtol=1e-9, atol=1e-10)
+    assert (result.status, result.lost) == (Status.REPAIRED, len(lost))
+
+
+@pytest.mark.parametrize("lost", [(1,), (0,), (1, 4), (1, 2, 3, 4)])
+@pytest.mark.parametrize("W0", [-3.0, -2.9])
+def test_what_is_left_beside_a_negative_central_weight_weighs_the_same(W0, lost):
+    """Two controls, W0 = -3: each other point weighs 1, so that without one of them nothing would be left.
+
+    y = 2 u0 - u1 of Pu = I; moments of the remaining points under equal weights, by NumPy.
+    """
+    B, Qu, u0 = np.array([[2.0, -1.0]]), 0.1 * np.eye(2), np.array([0.3, 0.2])
+    result = linear_without(lost, B, u0, P_err=0.5, Pu=1.0, Qu=Qu, W0=W0).step([0.0], 1.0)
+    points = u0 + np.sqrt(2.0 / (1.0 - W0)) * np.vstack([np.zeros(2), np.eye(2), -np.eye(2)])
+    points = np.delete(points, lost, axis=0)
+    mean, Pu = points.mean(axis=0), np.atleast_2d(np.cov(points.T, bias=True))
+    gain = Pu @ B.T @ np.linalg.inv(B @ Pu @ B.T + 0.5)
+    np.testing.assert_allclose(result.control, mean + gain @ (1.0 - B @ mean), rtol=1e-12)
+    np.testing.assert_allclose(result.covariance, Qu + Pu - gain @ B @ Pu, rtol=1e-11, atol=1e-14)
+    assert (result.status, result.recovery, result.lost) == (Status.REPAIRED, Recovery.NONE, len(lost))
+
+
+def escape(x, u, dt):
+    """x' = x^3 + u: escapes to infinity in finite time from where u cannot hold it."""
+    return x + dt * (x**3 + u)
+
+
+def overflowing(x, u, dt):
+    """The same through plain floats, which raise OverflowError instead of going to infinity."""
+    value = float(x[0])
+    return np.array([value + dt * (value**3 + float(u[0]))])
+
+
+@pytest.mark.parametrize(
+    "plant", [escape, numba.njit(escape), overflowing], ids=["numpy", "jitted", "floats"]
+)
+def test_an_escaping_plant_is_caught_by_the_points_that_are_left(plant):
+    """At x = 1.3 only controls around -2 survive 20 steps; the controller finds them and then holds the plant."""
+    drive = controller(plant, None, state=[0.0], dt=0.05, horizon=20, minimum=-8, maximum=8, Pu=9.0)
+    x, lost = np.array([1.3]), 0
+    for _ in range(200):
+        result = drive.step(x, 0.0)
+        assert_usable(result, -8.0, 8.0)
+        if result.lost:
+            lost += 1
+            assert result.status in (Status.REPAIRED, Status.KEPT_PREVIOUS)
+            assert "diverged" in result.sentence
+        x = escape(x, result.control, 0.05)
+    assert lost > 0
+    assert abs(x[0]) < 1e-3
+
+
+def test_to_keep_the_control_when_a_point_diverges_would_lose_that_plant():
+    """Why points are left out: textbook UTC that keeps U and Pu instead, from the same start."""
+    problem = plain_utc.Problem(
+        escape, lambda x: x, 0.05, (20,), np.array([-8.0]), np.array([8.0]), np.array([np.inf]),
+        np.array([[1e-4]]), 0.25, 1e-9,
+    )  # fmt: skip
+    x, U, Pu = np.array([1.3]), np.zeros(1), np.array([[9.0]])
+    with np.errstate(all="ignore"):
+        for _ in range(40):
+            after, Pu_after, _ = plain_utc.step(U, Pu, x, np.zeros((21, 1)), np.array([[0.9]]), problem)
+            if np.isfinite(after).all():
+                U, Pu = after, Pu_after
+            x = escape(x, U, 0.05)
+    assert not np.isfinite(x).all()
+
+
+def test_after_a_step_without_an_answer_the_next_begins_from_the_initial_covariance():
+    """A covariance that grew, then a state from where everything diverges; NaN as a state changes nothing."""
+    drive = controller(
+        lambda x, u, dt: x + dt * (x**3 + 0.0 * u), None, state=[0.0], control=0.5, horizon=10, Pu=2.0, Qu=3.0, **FREE
+    )  # fmt: skip
+    drive.step([0.0], 0.0)
+    np.testing.assert_allclose(drive.Pu, [[5.0]])
+    result = drive.step([1e3], 0.0)
+    assert_usable(result, -np.inf, np.inf)
+    assert (result.status, result.recovery, result.lost) == (Status.KEPT_PREVIOUS, Recovery.RESTARTED, 3)
+    np.testing.assert_allclose(result.control, [0.5])
+    np.testing.assert_allclose(result.covariance, [[2.0]])
+    assert drive.step([0.0], 0.0).status is Status.SOLVED
+    np.testing.assert_allclose(drive.Pu, [[5.0]])
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("where", ["state", "reference"])
+def test_a_state_or_reference_that_is_not_finite_keeps_control_and_covariance(where, bad):
+    drive = controller()
+    before = drive.step([0.0, 0.0], 0.02)
+    result = drive.step([0.0, bad], 0.02) if where == "state" else drive.step([0.0, 0.0], bad)
+    assert_usable(result)
+    assert (result.status, result.recovery) == (Status.KEPT_PREVIOUS, Recovery.NONE)
+    np.testing.assert_array_equal(result.control, before.control)
+    np.testing.assert_array_equal(result.covariance, before.covariance)
+    assert drive.step([0.0, 0.0], 0.02).status is Status.SOLVED
+
+
+@pytest.mark.long
+def test_the_skydiver_answers_every_step_with_a_negative_central_weight():
+    """From step 61 on with covariances about the central point, where there would be no answer without."""
+    run = simulate(load_scenario(TURN, {"controller.W0": -3.0, "duration_s": 6.0}))
+    recovery = run.telemetry[:, run.telemetry_names.index("recovery")]
+    assert np.flatnonzero(recovery == Recovery.ABOUT_CENTRE)[0] == 61
+    assert not (run.status == Status.KEPT_PREVIOUS).any()
+    assert metrics(run)["rmse_deg_s"] < 20.0
+
+
+def test_the_skydiver_begins_again_with_the_signs_of_the_present_turn():
+    """A state that everything diverges from, in a right turn; the first decision was in a left one."""
+    scenario = load_scenario(TURN)
+    plant, reference = build_plant(scenario), build_reference(scenario)
+    tried, fresh = (build_controller(scenario, plant, reference) for _ in range(2))
+    state = plant.initial_state()
+    left = np.linspace([1.0], [2.0], tried.preview_steps + 1)
+    tried.decide(state, left)
+    lost = state.copy()
+    lost[10:] = 1e90
+    decision = tried.decide(lost, -left)
+    assert decision.status is Status.KEPT_PREVIOUS
+    assert decision.telemetry[tried.telemetry_names.index("recovery")] == Recovery.RESTARTED
+    fresh.resume(decision.control)
+    np.testing.assert_array_equal(tried.decide(state, -left).control, fresh.decide(state, -left).control)

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags for tests, written without ROS, and what independent readers find in them."""
+
+import re
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+import yaml
+from mcap.reader import make_reader
+from mcap.records import Message
+
+from skydiver_utc.recording.writer import BagWriter
+
+STRING = ("std_msgs/msg/String", "string data\n", "RIHS01_" + "0" * 64)
+START_NS = 1_700_000_000_000_000_000
+INFINITE = {"sec": 9223372036, "nsec": 854775807}
+QOS = {
+    "history": "keep_last",
+    "depth": 10,
+    "reliability": "reliable",
+    "durability": "transient_local",
+    "deadline": INFINITE,
+    "lifespan": INFINITE,
+    "liveliness": "automatic",
+    "liveliness_lease_duration": INFINITE,
+    "avoid_ros_namespace_conventions": False,
+}
+
+
+class Row(NamedTuple):
+    """One message; times in ns."""
+
+    topic: str
+    log_time: int
+    publish_time: int
+    cdr: bytes
+
+
+def text_message(text: str) -> bytes:
+    """A serialized std_msgs/String."""
+    data = text.encode() + b"\x00"
+    return b"\x00\x01\x00\x00" + struct.pack("<I", len(data)) + data
+
+
+def write_bag(folder: Path, rows: Sequence[Row], qos: str = "") -> Path:
+    """A bag of text messages."""
+    with BagWriter(folder) as bag:
+        channels = {name: bag.add_topic(name, *STRING, qos) for name in dict.fromkeys(r.topic for r in rows)}
+        for row in rows:
+            bag.write(channels[row.topic], row.cdr, row.log_time, row.publish_time)
+    return folder
+
+
+def messages_in(path: Path) -> list[Message]:
+    """The messages of an MCAP file in the order of the file, read by the mcap library."""
+    with path.open("rb") as stream:
+        return [message for _, _, message in make_reader(stream).iter_messages(log_time_order=False)]
+
+
+def metadata_of(folder: Path) -> dict[str, Any]:
+    """The content of metadata.yaml."""
+    content = yaml.safe_load((folder / "metadata.yaml").read_text())
+    return dict(content["rosbag2_bagfile_information"])
+
+
+def sentence(error: "pytest.ExceptionInfo[BaseException]") -> str:
+    """The message of an error, which must be one sentence."""
+    text = str(error.value)
+    assert "\n" not in text
+    assert not re.search(r"[.!?] [A-Z]", text), text
+    return text

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run folder holds, by topic and step, read by the mcap library and rclpy."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from mcap.reader import make_reader
+from numpy.typing import NDArray
+from rclpy.serialization import deserialize_message
+
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.registry import build_plant
+from skydiver_utc.messages import StepGrid, read_named, read_odometry, read_outcome
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.topics import Topic
+from skydiver_utc.parameters import load_scenario
+
+
+class Stored(NamedTuple):
+    """A message in a bag; times in ns."""
+
+    topic: str
+    log_time: int
+    publish_time: int
+    cdr: bytes
+
+
+def stored(folder: Path) -> Iterator[Stored]:
+    """The messages of a bag in the order of its file."""
+    (path,) = folder.glob("*.mcap")
+    with path.open("rb") as stream:
+        for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
+            yield Stored(channel.topic, message.log_time, message.publish_time, message.data)
+
+
+class Bag:
+    """A recorded run in a namespace."""
+
+    def __init__(self, folder: Path, namespace: str = "/skydiver") -> None:
+        self.scenario = load_scenario(str(folder / "scenario.yaml"))
+        self.plant = build_plant(self.scenario)
+        self.grid = StepGrid(self.scenario.stamp_ns(0), self.scenario.dt_ns)
+        self._folder, self._namespace = folder, namespace
+        assert (folder / "metadata.yaml").is_file()
+
+    def of(self, topic: Topic) -> list[Any]:
+        """The messages of a topic."""
+        name = topic.name if topic.name.startswith("/") else f"{self._namespace}/{topic.name}"
+        kind = topics.STATE_TYPES[self.plant.state_message] if topic is topics.STATE else topic.type
+        return [deserialize_message(m.cdr, kind) for m in stored(self._folder) if m.topic == name]
+
+    def steps(self, topic: Topic) -> list[int]:
+        """The step of each message."""
+        stamps = [m.clock if topic is topics.CLOCK else m.header.stamp for m in self.of(topic)]
+        return [self.grid.step_of(stamp) for stamp in stamps]
+
+    def states(self) -> NDArray[np.float64]:
+        """Recorded states (n, states)."""
+        if self.plant.state_message == "odometry":
+            return np.array([read_odometry(message) for message in self.of(topics.STATE)])
+        return np.array([read_named(message, self.plant.state_names) for message in self.of(topics.STATE)])
+
+    def controls(self, topic: Topic) -> NDArray[np.float64]:
+        """Recorded controls (n, m)."""
+        return np.array([read_named(message, self.plant.control_names) for message in self.of(topic)])
+
+    def outcome(self) -> dict[str, Any]:
+        """The one outcome."""
+        (message,) = self.of(topics.OUTCOME)
+        return read_outcome(message.data)
+
+
+def assert_complete(bag: Bag) -> None:
+    """Every step of every topic that has one a step, once and in order."""
+    states = list(range(bag.scenario.steps + 1))
+    for topic in topics.RECORDED:
+        if topic.fewer_than_states is not None:
+            assert bag.steps(topic) == states[: len(states) - topic.fewer_than_states], topic.name
+    assert len(bag.of(topics.SCENARIO)) == 1
+
+
+def assert_equals_simulation(bag: Bag) -> None:
+    """The run is, as far as it was flown, the simulated one, bit for bit."""
+    run = simulate(bag.scenario)
+    states = bag.states()
+    count = len(states)
+    assert states.tobytes() == run.states[:count].tobytes()
+    assert bag.controls(topics.COMMAND).tobytes() == run.commands[: count - 1].tobytes()
+    assert bag.controls(topics.APPLIED_COMMAND).tobytes() == run.applied[: count - 1].tobytes()
+    telemetry = np.array([message.position for message in bag.of(topics.TELEMETRY)])
+    assert telemetry[:, :-2].tobytes() == run.telemetry[: count - 1].tobytes()

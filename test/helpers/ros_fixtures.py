@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ROS for tests: nodes of one process on one executor, node processes, each test on a domain of its own.
+
+PYTEST_DONT_REWRITE: tests import names from here before pytest loads it as a plugin.
+"""
+
+import json
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
+
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.topics import NAMESPACE, Topic
+
+pytest_plugins = ("ros_domains",)
+
+# The machine may stand still for seconds: a wait ends when its condition holds, this is only the far end.
+PATIENCE_S = 150.0
+SCENARIO = "fast_turn_unknown_dynamics"
+
+_EVERY_MESSAGE = 10_000
+
+
+def overrides(duration_s: float = 0.1, **others: object) -> dict[str, object]:
+    """Parameters of a short flight; a double underscore stands for a dot."""
+    return {
+        "scenario": SCENARIO,
+        "duration_s": duration_s,
+        **{n.replace("__", "."): v for n, v in others.items()},
+    }
+
+
+class Ros:
+    """One context and one executor; `add` what shall live there, `spin_until` a condition."""
+
+    def __init__(self, domain: int) -> None:
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+        self.executor = EventsExecutor(context=self.context)
+        self._nodes: list[Node] = []
+
+    def add(self, node: Any) -> Any:
+        """Spin this node too; returns it."""
+        self.executor.add_node(node)
+        self._nodes.append(node)
+        return node
+
+    def remove(self, node: Any) -> None:
+        """Take a node away, as if its process had ended."""
+        self._nodes.remove(node)
+        self.executor.remove_node(node)
+        # The events executor still calls back for what came before.
+        self.spin_for(0.1)
+        node.destroy_node()
+
+    def partner(self, name: str = "partner") -> "Partner":
+        """A plain node that plays the other side."""
+        return self.add(Partner(name, self.context))
+
+    def spin_until(self, condition: Callable[[], object], patience_s: float = PATIENCE_S) -> None:
+        """Spin until the condition holds; fail when it does not come true."""
+        deadline = time.monotonic() + patience_s
+        while not condition():
+            assert time.monotonic() < deadline, "the condition did not come true"
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def spin_for(self, seconds: float) -> None:
+        """Spin for some time, to see that something does not happen."""
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def close(self) -> None:
+        """End everything."""
+        for node in self._nodes:
+            self.executor.remove_node(node)
+            node.destroy_node()
+        self.executor.shutdown()
+        rclpy.try_shutdown(context=self.context)
+
+
+class Partner(Node):
+    """Receives topics into lists and publishes whatever a test wants."""
+
+    def __init__(self, name: str, context: Context) -> None:
+        super().__init__(name, namespace=NAMESPACE, context=context)
+        self._publishers_by_topic: dict[Topic, Any] = {}
+
+    def receive(self, topic: Topic, then: Callable[[Any], None] | None = None) -> list[Any]:
+        """Subscribe with room for a whole run; every message goes into the list returned, then to `then`."""
+        messages: list[Any] = []
+
+        def take(message: Any) -> None:
+            messages.append(message)
+            if then is not None:
+                then(message)
+
+        qos = QoSProfile(
+            depth=_EVERY_MESSAGE, reliability=topic.qos.reliability, durability=topic.qos.durability
+        )
+        self.create_subscription(topic.type, topic.name, take, qos)
+        return messages
+
+    def publisher(self, topic: Topic) -> Any:
+        """The publisher of this topic, made at the first use."""
+        if topic not in self._publishers_by_topic:
+            self._publishers_by_topic[topic] = self.create_publisher(topic.type, topic.name, topic.qos)
+        return self._publishers_by_topic[topic]
+
+
+class Spectator(Partner):
+    """Stands where a recorder would: nodes started with `wait_for_recorder` begin when it receives every topic.
+
+    `received` has a list for each recorded topic; `types` replaces those of the table.
+    """
+
+    def __init__(self, context: Context, *types: Topic) -> None:
+        super().__init__("spectator", context)
+        by_name = {topic.name: topic for topic in types}
+        recorded = {topic: by_name.get(topic.name, topic) for topic in topics.RECORDED}
+        self.received = {topic: self.receive(of_type) for topic, of_type in recorded.items()}
+        self.publisher(topics.RECORDER_READY).publish(String(data="the spectator"))
+
+
+@pytest.fixture
+def ros(domain: int) -> Iterator[Ros]:
+    """ROS in this process, on a domain of its own."""
+    instance = Ros(domain)
+    try:
+        yield instance
+    finally:
+        instance.close()
+
+
+class Processes:
+    """Node processes on one domain; those still there at the end are ended, by their ids."""
+
+    def __init__(self, domain: int, folder: Path, stack: ExitStack) -> None:
+        self.environment = os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": str(folder)}
+        self._folder = folder
+        self._stack = stack
+        self._count = 0
+
+    def start(
+        self,
+        kind: str,
+        parameters: Mapping[str, object],
+        *arguments: str,
+        namespace: str = "",
+        ros_arguments: Sequence[str] = (),
+    ) -> "NodeProcess":
+        """Start ``<kind>_node`` with these parameters, in its own namespace unless one is given."""
+        self._count += 1
+        log = self._folder / f"{self._count}_{kind}.log"
+        command = [sys.executable, "-m", f"skydiver_utc.nodes.{kind}_node", *arguments, "--ros-args"]
+        command += ros_arguments
+        if namespace:
+            command += ["-r", f"__ns:={namespace}"]
+        for name, value in parameters.items():
+            text = str(value).lower() if isinstance(value, bool) else value
+            command += ["-p", f"{name}:={text}"]
+        stream = self._stack.enter_context(log.open("w"))
+        process = subprocess.Popen(
+            command,
+            env=self.environment,
+            cwd=self._folder,
+            stdin=subprocess.DEVNULL,
+            stdout=stream,
+            stderr=subprocess.STDOUT,
+        )
+        node = NodeProcess(process, log)
+        self._stack.callback(node.end, command)
+        return node
+
+
+class NodeProcess:
+    """One node process and what it has printed."""
+
+    def __init__(self, process: "subprocess.Popen[bytes]", log: Path) -> None:
+        self._process = process
+        self._log = log
+
+    @property
+    def output(self) -> str:
+        """Everything printed so far, stdout and stderr."""
+        return self._log.read_text(encoding="utf-8")
+
+    def reports(self) -> list[dict[str, Any]]:
+        """The JSON lines printed so far: a plant's progress and its outcome."""
+        return [json.loads(line) for line in self.output.splitlines() if line.startswith("{")]
+
+    @property
+    def ended(self) -> bool:
+        """True when the process is gone."""
+        return self._process.poll() is not None
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send a signal to this process only."""
+        self._process.send_signal(number)
+
+    def wait(self, patience_s: float = PATIENCE_S) -> int:
+        """The exit code; what was printed is shown when it does not come."""
+        try:
+            return self._process.wait(patience_s)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            raise AssertionError(f"the process did not end; it printed:\n{self.output}") from None
+
+    def wait_for_output(self, text: str) -> None:
+        """Wait until this text has been printed."""
+        deadline = time.monotonic() + PATIENCE_S
+        while text not in self.output:
+            ended = self._process.poll()
+            assert ended is None, f"ended with {ended}, it printed:\n{self.output}"
+            assert time.monotonic() < deadline, f"{text!r} was not printed:\n{self.output}"
+            time.sleep(0.02)
+
+    def end(self, command: list[str]) -> None:
+        """Kill the process; what it printed stands in the report of a test that failed."""
+        self.kill()
+        print(f"{shlex.join(command[2:])}:\n{self.output}")
+
+    def kill(self) -> None:
+        """End the process for certain."""
+        if self._process.poll() is None:
+            self._process.kill()
+            self._process.wait()
+
+
+@pytest.fixture
+def processes(domain: int, tmp_path: Path) -> Iterator[Processes]:
+    """Node processes on a domain of their own, with `tmp_path` as their working directory."""
+    with ExitStack() as stack:
+        yield Processes(domain, tmp_path, stack)

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs in process: the scenarios' figures, and the loop itself."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.loop.run import Run
+from skydiver_utc.parameters import load_scenario, scenario_names
+
+FAST = "fast_turn_unknown_dynamics"
+PINNED = json.loads((Path(__file__).parents[1] / "data" / "metrics.json").read_text(encoding="utf-8"))
+# Three digits: half a unit of the third one is at most this share.
+THREE_DIGITS = 5e-3
+# A yaw rate of 1e-13 deg/s more or less at the start moves these over the interval about the pinned value.
+# (fast_turn_unknown_dynamics takes one of two courses likewise, RMSE 3.612 or 3.628: the pinned value lies between.)
+CHAOTIC = {
+    "fast_turn_pose_tuned": {"rmse_deg_s": 0.5, "max_abs_error_deg_s": 1.8},
+    "turn_360_left": {"angle_error_deg": 0.05, "overshoot_deg": 0.04},
+    "turn_360_right": {"angle_error_deg": 0.05, "overshoot_deg": 0.04},
+}
+QUICK = ("fast_turn_pi_dynamics", "slow_turn_pose_only", "turn_360_left")
+
+
+def run_of(name: str, **settings: Any) -> Run:
+    """A run with other settings, `__` for a dot."""
+    return simulate(load_scenario(name, {key.replace("__", "."): value for key, value in settings.items()}))
+
+
+def test_every_scenario_is_pinned() -> None:
+    assert list(PINNED) == scenario_names()
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in PINNED]
+)
+def test_the_metrics_of_a_scenario(name: str) -> None:
+    found = metrics(run_of(name))
+    for key, expected in PINNED[name].items():
+        if isinstance(expected, float):
+            within = CHAOTIC.get(name, {}).get(key, max(THREE_DIGITS * abs(expected), 1e-9))
+            assert found[key] == pytest.approx(expected, rel=0, abs=within), key
+        else:
+            assert found[key] == expected, key
+
+
+@pytest.mark.long
+def test_coupling_and_horizon_matter_when_the_dynamics_are_unknown() -> None:
+    """The paper's qualitative claims: without coupling worse, with five steps worse."""
+    best = PINNED[FAST]["rmse_deg_s"]
+    assert metrics(run_of(FAST, controller__coupling__signs="none"))["rmse_deg_s"] > 1.5 * best
+    assert metrics(run_of(FAST, controller__horizon_steps=5))["rmse_deg_s"] > 5 * best
+
+
+@pytest.mark.long
+def test_the_paper_s_hand_force_needs_further_outputs() -> None:
+    """K_N = 100 N without roll and fall rate as outputs: tracking is lost."""
+    alone = run_of("fast_turn_paper_hands", controller__outputs={})
+    assert metrics(alone)["rmse_deg_s"] > 100
+
+
+@pytest.mark.long
+def test_a_straight_fall_recovers_from_a_bank() -> None:
+    """60 s with the controls at rest after a bank of 20 deg: 53 to 60 m/s, belly to earth, no turn left."""
+    run = run_of("bank_recovery")
+    settled = run.states[-round(10 / run.scenario.dt_s) :]
+    speed = np.linalg.norm(settled[:, 7:10], axis=1)
+    assert speed.min() > 53
+    assert speed.max() < 60
+    assert np.abs(settled[:, 10:13]).max() < np.deg2rad(0.5)
+
+
+def test_left_and_right_are_mirror_images() -> None:
+    """A turn to the right is the turn to the left in the mirror; rounding grows, so only the first 2 s to 1e-6."""
+    left = run_of(FAST, duration_s=2.0)
+    right = run_of(FAST, duration_s=2.0, reference__amplitude_deg_s=-400.0)
+    np.testing.assert_allclose(left.output("yaw_rate"), -right.output("yaw_rate"), atol=1e-6)
+    np.testing.assert_allclose(left.applied[:, 1], right.applied[:, 2], atol=1e-5)
+
+
+def test_the_same_scenario_gives_the_same_bits() -> None:
+    first, second = run_of(FAST, duration_s=3.0), run_of(FAST, duration_s=3.0)
+    assert first.states.tobytes() == second.states.tobytes()
+    assert first.commands.tobytes() == second.commands.tobytes()
+
+
+def test_commands_respect_bounds_and_slew_rate() -> None:
+    run = run_of(FAST, duration_s=6.0, plant__limbs__reaction=False)
+    assert (run.commands >= run.plant.minimum).all()
+    assert (run.commands <= run.plant.maximum).all()
+    slew = np.abs(np.diff(run.commands[:, 3], prepend=0.0))
+    assert slew.max() <= run.plant.rate[3] * run.scenario.dt_s + 1e-15
+    # With limbs that follow at once the plant has the same limits, so it applies the command.
+    np.testing.assert_array_equal(run.commands, run.applied)
+
+
+def test_moving_limbs_lag_behind_the_command() -> None:
+    run = run_of(FAST, duration_s=6.0)
+    lag = np.abs(run.commands[:, 3] - run.applied[:, 3])
+    assert 0.0 < lag.max() < 0.15
+    np.testing.assert_array_equal(run.commands[:, :3], run.applied[:, :3])
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_every_scenario_starts(name: str) -> None:
+    run = run_of(name, duration_s=0.1)
+    assert run.outcome is Outcome.COMPLETED
+    assert len(run.states) == len(run.commands) + 1 == len(run.outputs) == len(run.reference)
+
+
+def test_a_run_that_leaves_the_model_ends_as_diverged() -> None:
+    fast = {"plant__initial__fall_speed_m_s": 149.0, "plant__initial__yaw_rate_deg_s": 1000.0}
+    run = run_of("bank_recovery", dt_s=0.05, **fast)
+    assert run.outcome is Outcome.DIVERGED
+    assert run.reason
+
+
+def test_progress_ends_with_all_steps() -> None:
+    seen: list[tuple[int, int]] = []
+    scenario = load_scenario("bank_recovery", {"duration_s": 1.0})
+    simulate(scenario, lambda done, steps: seen.append((done, steps)))
+    assert seen[-1] == (239, 239)
+    assert seen == sorted(seen)
+
+
+def test_a_run_since_a_step_is_the_rest_of_it() -> None:
+    whole = run_of("slow_turn_pose_only", duration_s=0.4)
+    rest = whole.since(30)
+    assert rest.states.tolist() == whole.states[30:].tolist()
+    assert rest.time_s.tolist() == whole.time_s[30:].tolist()
+    assert rest.since(40).states.tolist() == whole.states[40:].tolist()
+    assert rest.since(40).first_step == 40

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Values by name, states and twists: there and back bit for bit, and what is refused."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from plain_messages import joint_state, odometry, twist
+
+from skydiver_utc.messages import (
+    TWIST_COMPONENTS,
+    MessageError,
+    Refusals,
+    fill_named,
+    fill_odometry,
+    fill_twist,
+    read_named,
+    read_odometry,
+    read_twist,
+)
+
+NAMES = ("a", "b", "c")
+STATE = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3, math.sqrt(0.86), 4.0, 5.0, 6.0, 7.0, 8.0, 9.0])
+finite = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@given(st.lists(finite, min_size=3, max_size=3), st.permutations(NAMES))
+def test_values_come_back_bit_for_bit_from_names_in_any_order(values: list[float], order: list[str]) -> None:
+    wanted = np.array(values)
+    sent = wanted[[NAMES.index(name) for name in order]]
+    assert read_named(fill_named(joint_state(tuple(order)), sent), NAMES).tobytes() == wanted.tobytes()
+
+
+def test_values_are_sent_as_doubles_whatever_array_they_come_in() -> None:
+    message = fill_named(joint_state(NAMES), np.array([1.0, 2.0, 3.0]))
+    assert message.position.typecode == "d"
+    with pytest.raises(ValueError, match="2 values for 3 names"):
+        fill_named(joint_state(NAMES), np.zeros(2))
+
+
+@pytest.mark.parametrize(
+    ("kind", "names", "values"),
+    [
+        ("names", ("a", "b"), [1.0, 2.0]),
+        ("names", ("a", "b", "b"), [1.0, 2.0, 3.0]),
+        ("names", ("a", "b", "c", "d"), [1.0, 2.0, 3.0, 4.0]),
+        ("size", NAMES, [1.0, 2.0]),
+        ("size", NAMES, []),
+        ("finite", NAMES, [1.0, math.nan, 3.0]),
+        ("finite", ("c", "b", "a"), [1.0, 2.0, math.inf]),
+    ],
+)
+def test_values_that_cannot_be_used_are_refused(
+    kind: str, names: tuple[str, ...], values: list[float]
+) -> None:
+    with pytest.raises(MessageError) as refused:
+        read_named(joint_state(names, values), NAMES)
+    assert refused.value.kind == kind
+
+
+def test_a_state_comes_back_bit_for_bit() -> None:
+    assert read_odometry(fill_odometry(odometry(), STATE), ("world", "body")).tobytes() == STATE.tobytes()
+
+
+@pytest.mark.parametrize(("error", "normalised"), [(1e-9, False), (9e-4, True)])
+def test_a_rounded_quaternion_is_normalised_and_an_integrated_one_is_kept(
+    error: float, normalised: bool
+) -> None:
+    state = STATE.copy()
+    state[3:7] *= 1.0 + error
+    found = read_odometry(fill_odometry(odometry(), state))
+    assert (found.tobytes() == state.tobytes()) is not normalised
+    if normalised:
+        np.testing.assert_allclose(found, STATE, rtol=1e-12)
+
+
+def set_frame(message: Any) -> None:
+    message.header.frame_id = "map"
+
+
+def set_body_frame(message: Any) -> None:
+    message.child_frame_id = "base_link"
+
+
+def set_length(message: Any) -> None:
+    message.pose.pose.orientation.w += 0.01
+
+
+def set_nan(message: Any) -> None:
+    message.twist.twist.angular.z = math.nan
+
+
+@pytest.mark.parametrize(
+    ("kind", "edit"),
+    [("frame", set_frame), ("frame", set_body_frame), ("quaternion", set_length), ("finite", set_nan)],
+)
+def test_a_state_that_cannot_be_used_is_refused(kind: str, edit: Callable[[Any], None]) -> None:
+    message = fill_odometry(odometry(), STATE)
+    edit(message)
+    with pytest.raises(MessageError) as refused:
+        read_odometry(message, ("world", "body"))
+    assert refused.value.kind == kind
+
+
+def test_the_frames_are_those_that_are_asked_for() -> None:
+    message = fill_odometry(odometry("map", "base_link"), STATE)
+    assert read_odometry(message, ("map", "base_link")).tobytes() == STATE.tobytes()
+    assert read_odometry(message).tobytes() == STATE.tobytes()
+
+
+def test_a_twist_holds_each_value_in_its_component() -> None:
+    values = np.arange(1.0, 7.0)
+    message = fill_twist(twist(), TWIST_COMPONENTS, values)
+    assert (message.linear.y, message.angular.z) == (2.0, 6.0)
+    assert read_twist(message, ("angular.z", "linear.x")).tolist() == [6.0, 1.0]
+    message.linear.x = math.inf
+    with pytest.raises(MessageError):
+        read_twist(message, ("linear.x",))
+
+
+def test_refusals_are_counted_and_the_first_of_a_kind_is_logged() -> None:
+    logged: list[str] = []
+    refusals = Refusals(logged.append)
+    for _ in range(3):
+        refusals.add("state", MessageError("finite", "its x is nan"))
+    refusals.add("command", MessageError("finite", "its alpha is nan"))
+    refusals.add("state", MessageError("stamp", "it is off the grid"))
+    assert refusals.counts == {"finite": 4, "stamp": 1}
+    assert refusals.summary() == "finite 4, stamp 1"
+    assert len(logged) == 3
+    assert "off the grid" in refusals.last

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is distributed: setup.py, package.xml, launch/ and ros2_run/ agree with the code and with each other."""
+
+import os
+import pydoc
+import re
+import shutil
+import subprocess
+import sys
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from package_files import PACKAGE, ROOT, imports, is_ros, modules
+
+import skydiver_utc
+
+NAME = "skydiver_utc"
+NODES = tuple(path.stem for path in (PACKAGE / "nodes").glob("*_node.py") if path.stem != "scenario_node")
+# Libraries by another name than their distribution, or that come with another one.
+DISTRIBUTIONS = {
+    "yaml": "pyyaml",
+    **dict.fromkeys(("pydantic_core", "annotated_types", "typing_extensions"), "pydantic"),
+}
+
+
+@pytest.fixture
+def setup_arguments(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What setup.py hands to setuptools."""
+    setuptools = pytest.importorskip("setuptools")
+    captured: dict[str, Any] = {}
+    monkeypatch.setattr(setuptools, "setup", captured.update)
+    monkeypatch.chdir(ROOT)
+    exec(compile(Path("setup.py").read_text(encoding="utf-8"), "setup.py", "exec"), {})
+    return captured
+
+
+@pytest.fixture
+def manifest() -> ElementTree.Element:
+    return ElementTree.parse(ROOT / "package.xml").getroot()
+
+
+def test_setup_and_manifest_agree(setup_arguments: dict[str, Any], manifest: ElementTree.Element) -> None:
+    assert manifest.get("format") == "3"
+    for tag in ("name", "version", "license", "maintainer"):
+        assert manifest.findtext(tag) == setup_arguments[tag]
+    assert manifest.findtext("export/build_type") == "ament_python"
+
+
+def test_one_version_everywhere_and_types_are_distributed(setup_arguments: dict[str, Any]) -> None:
+    assert skydiver_utc.__version__ == setup_arguments["version"]
+    assert (PACKAGE / "py.typed").is_file()
+    assert "py.typed" in setup_arguments["package_data"][NAME]
+
+
+def test_help_shows_the_public_names() -> None:
+    shown = pydoc.render_doc(skydiver_utc, renderer=pydoc.plaintext)
+    for name in skydiver_utc.__all__:
+        assert hasattr(skydiver_utc, name)
+        assert name in shown
+    assert {"Plant", "Controller", "Scenario", "simulate", "UnscentedTransformController"} <= set(
+        skydiver_utc.__all__
+    )
+    with pytest.raises(AttributeError):
+        skydiver_utc.nothing  # noqa: B018
+
+
+def test_the_package_is_a_command() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", NAME, "--help"], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    assert "simulate" in done.stdout
+
+
+def test_manifest_names_every_ros_package_that_is_imported(manifest: ElementTree.Element) -> None:
+    imported = {name.split(".")[0] for path in modules() for name in imports(path) if is_ros(name)}
+    assert imported <= {element.text for element in manifest.iter("exec_depend")}
+
+
+def test_setup_declares_every_library_that_is_imported(setup_arguments: dict[str, Any]) -> None:
+    declared = {re.split(r"[<>=\[]", requirement)[0] for requirement in setup_arguments["install_requires"]}
+    imported = {name.split(".")[0] for path in modules() for name in imports(path) if not is_ros(name)}
+    libraries = imported - sys.stdlib_module_names - {"skydiver_utc", "ament_index_python"}
+    assert {DISTRIBUTIONS.get(name, name) for name in libraries} == declared
+
+
+def test_everything_that_is_read_at_run_time_is_installed(setup_arguments: dict[str, Any]) -> None:
+    installed = {
+        f"{target}/{Path(source).name}": source
+        for target, sources in setup_arguments["data_files"]
+        for source in sources
+    }
+    assert "share/ament_index/resource_index/packages/skydiver_utc" in installed
+    assert "share/skydiver_utc/package.xml" in installed
+    for folder in ("config", "launch"):
+        for path in (ROOT / folder).rglob("*.*"):
+            relative = path.relative_to(ROOT).as_posix()
+            assert installed[f"share/skydiver_utc/{relative}"] == relative
+    for node in NODES:
+        assert os.access(ROOT / installed[f"lib/skydiver_utc/{node}"], os.X_OK)
+
+
+def test_console_scripts_lead_to_functions(setup_arguments: dict[str, Any]) -> None:
+    scripts = dict(entry.split(" = ") for entry in setup_arguments["entry_points"]["console_scripts"])
+    assert set(scripts) == {"skydiver-utc", *NODES}
+    for target in scripts.values():
+        module, _, function = target.partition(":")
+        assert callable(getattr(import_module(module), function)), f"{target} does not exist"
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "launch").glob("*.launch.xml")), ids=lambda path: path.name)
+def test_every_launch_argument_has_a_default_and_a_description(path: Path) -> None:
+    root = ElementTree.parse(path).getroot()
+    arguments = root.findall("arg")
+    assert {"scenario", "mode"} <= {argument.get("name") for argument in arguments}
+    for argument in arguments:
+        assert argument.get("default") is not None
+        assert argument.get("description")
+    for include in root.iter("include"):
+        assert (path.parent / include.get("file", "").removeprefix("$(dirname)/")).is_file()
+
+
+def executable(path: Path, script: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
+    path.chmod(0o755)
+    return path
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_ros2_run_reaches_the_script_that_pip_installed(node: str, tmp_path: Path) -> None:
+    executable(tmp_path / "bin" / node, 'echo "script: $*"')
+    wrapper = tmp_path / "lib" / "skydiver_utc" / node
+    wrapper.parent.mkdir(parents=True)
+    shutil.copy(ROOT / "ros2_run" / node, wrapper)
+    done = subprocess.run([wrapper, "a b", "c"], capture_output=True, text=True, check=True)
+    assert done.stdout == "script: a b c\n"
+
+
+def test_ros2_run_reaches_the_module_where_there_is_no_script(tmp_path: Path) -> None:
+    python = executable(tmp_path / "path" / "python3", 'echo "python: $*"')
+    wrapper = tmp_path / "lib" / "skydiver_utc" / "plant_node"
+    wrapper.parent.mkdir(parents=True)
+    wrapper.symlink_to(ROOT / "ros2_run" / "plant_node")
+    environment = {"PATH": f"{python.parent}:{os.environ['PATH']}"}
+    done = subprocess.run([wrapper, "a"], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "python: -m skydiver_utc.nodes.plant_node a\n"
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_the_installed_node_explains_itself(node: str) -> None:
+    try:
+        distribution("skydiver_utc")
+    except PackageNotFoundError:
+        pytest.skip("skydiver_utc is not installed, only on the path")
+    wrapper = Path(sys.prefix) / "lib" / "skydiver_utc" / node
+    done = subprocess.run([wrapper, "--help"], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.startswith(f"usage: {node}")

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The launch files: their arguments, the parameters they give to nodes, and what ends a launch."""
+
+import runpy
+import sys
+import types
+from pathlib import Path
+from signal import SIGINT
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+
+from skydiver_utc.parameters.exit_codes import REFUSED
+from skydiver_utc.parameters.nodes import SETTINGS
+
+FOLDER = Path(__file__).resolve().parents[2] / "launch"
+CLOSED_LOOP = ElementTree.parse(FOLDER / "closed_loop.launch.xml").getroot()
+# The recorder may wait so long for messages that were lost; after that launch sends SIGTERM.
+LONGEST_CLOSE_S = 10.0
+
+
+def test_arguments_of_the_closed_loop() -> None:
+    defaults = {argument.get("name"): argument.get("default") for argument in CLOSED_LOOP.findall("arg")}
+    assert set(defaults) >= {
+        "scenario",
+        "namespace",
+        "clock",
+        "params_file",
+        "record",
+        "controller",
+        "reference",
+    }
+    assert not str(defaults["namespace"]).startswith("/")
+    assert (defaults["mode"], defaults["record"], defaults["output_folder"]) == ("lockstep", "true", "")
+    timeouts = [
+        float(e.get("value", "")) for e in CLOSED_LOOP.iter("let") if e.get("name") == "sigterm_timeout"
+    ]
+    assert min(timeouts) > LONGEST_CLOSE_S
+
+
+def test_nodes_are_given_parameters_that_they_have() -> None:
+    defaults = {argument.get("name"): argument.get("default") for argument in CLOSED_LOOP.findall("arg")}
+    nodes = {}
+    for include in CLOSED_LOOP.iter("include"):
+        assert include.get("file") == "$(dirname)/node.launch.py"
+        given = {argument.get("name"): argument.get("value", "") for argument in include.iter("arg")}
+        text = given["parameters"]
+        for name, default in defaults.items():
+            text = text.replace(f"$(var {name})", str(default))
+        nodes[given["node"]] = (include.get("if"), yaml.safe_load(text))
+    for name, (_, parameters) in nodes.items():
+        SETTINGS[name].model_validate(parameters)
+    assert {name: condition for name, (condition, _) in nodes.items()} == {
+        "recorder": "$(var record)",
+        "reference": "$(var reference)",
+        "controller": "$(var controller)",
+        "plant": None,
+    }
+
+
+def test_two_skydivers_differ_in_namespace_clock_and_folder() -> None:
+    includes = list(ElementTree.parse(FOLDER / "two_skydivers.launch.xml").getroot().iter("include"))
+    given = [{a.get("name"): a.get("value") for a in include.iter("arg")} for include in includes]
+    assert len(given) == 2
+    known = {argument.get("name") for argument in CLOSED_LOOP.findall("arg")}
+    assert all(set(arguments) <= known for arguments in given)
+    for name in ("namespace", "clock", "output_folder"):
+        assert given[0][name] != given[1][name]
+
+
+class _Node:
+    """Stands for launch_ros.actions.Node."""
+
+    def __init__(self, **arguments: Any) -> None:
+        self.arguments = arguments
+        self.expanded_node_namespace = "/skydiver"
+
+
+def described(monkeypatch: pytest.MonkeyPatch, **given: str) -> _Node:
+    """The node of node.launch.py, with stand-ins for the launch system, which PyPI does not have."""
+
+    class Configuration:
+        def __init__(self, name: str) -> None:
+            self._name = name
+
+        def perform(self, defaults: dict[str, str]) -> str:
+            return {**defaults, **given}[self._name]
+
+    def action(kind: str) -> Any:
+        return lambda *arguments, **named: types.SimpleNamespace(kind=kind, arguments=arguments, **named)
+
+    stand_ins: dict[str, dict[str, Any]] = {
+        "launch": {"LaunchDescription": list},
+        "launch.actions": {
+            kind: action(kind)
+            for kind in ("DeclareLaunchArgument", "EmitEvent", "OpaqueFunction", "Shutdown")
+        },
+        "launch.events": {},
+        "launch.events.process": {"SignalProcess": action("SignalProcess")},
+        "launch.substitutions": {"LaunchConfiguration": Configuration},
+        "launch_ros": {},
+        "launch_ros.actions": {"Node": _Node},
+    }
+    for name, content in stand_ins.items():
+        module = types.ModuleType(name)
+        vars(module).update(content)
+        monkeypatch.setitem(sys.modules, name, module)
+    *declared, opaque = runpy.run_path(str(FOLDER / "node.launch.py"))["generate_launch_description"]()
+    defaults = {argument.arguments[0]: argument.default_value for argument in declared}
+    assert all(argument.description for argument in declared)
+    (node,) = opaque.function(defaults)
+    assert isinstance(node, _Node)
+    return node
+
+
+@pytest.mark.parametrize("kind", ["plant", "reference", "controller", "recorder"])
+def test_a_node_that_refuses_to_start_ends_the_launch_with_a_reason(
+    monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    node = described(monkeypatch, node=kind)
+    (shutdown,) = node.arguments["on_exit"](types.SimpleNamespace(returncode=REFUSED), None)
+    assert shutdown.kind == "Shutdown"
+    assert kind in shutdown.reason
+
+
+def test_the_end_of_a_plant_ends_the_nodes_of_its_namespace(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = described(monkeypatch, node="plant")
+    (emitted,) = plant.arguments["on_exit"](types.SimpleNamespace(returncode=0), None)
+    assert emitted.event.signal_number == SIGINT
+    near, far = _Node(), _Node()
+    far.expanded_node_namespace = "/other"
+    assert [emitted.event.process_matcher(node) for node in (near, far, plant)] == [True, False, False]
+    recorder = described(monkeypatch, node="recorder")
+    assert recorder.arguments["on_exit"](types.SimpleNamespace(returncode=-9), None) == []
+
+
+def test_a_parameter_file_counts_before_the_arguments(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = {
+        "node": "plant",
+        "parameters": "{mode: real_time}",
+        "params_file": "mine.yaml",
+        "clock": "/a/clock",
+    }
+    arguments = described(monkeypatch, **given).arguments
+    assert arguments["executable"] == "plant_node"
+    assert arguments["parameters"] == [{"mode": "real_time"}, "mine.yaml"]
+    assert arguments["remappings"] == [("/clock", "/a/clock")]

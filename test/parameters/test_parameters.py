@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings: what is accepted, what is refused and under which name, and what comes back from YAML."""
+
+import math
+
+import numpy as np
+import paper_utc
+import pydantic
+import pytest
+
+from skydiver_utc.parameters import (
+    ParameterError,
+    from_yaml,
+    leaves,
+    load_scenario,
+    override,
+    scenario_names,
+    to_yaml,
+)
+
+FAST = "fast_turn_unknown_dynamics"
+SCENARIOS = {name: load_scenario(name) for name in scenario_names()}
+
+
+def refused(overrides, name=FAST):
+    """The one line that a wrong scenario is refused with."""
+    with pytest.raises(ParameterError) as caught:
+        load_scenario(name, overrides)
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
+
+
+def test_files_with_an_underscore_are_no_scenarios():
+    assert FAST in SCENARIOS
+    assert not any(name.startswith("_") for name in SCENARIOS)
+
+
+def test_a_file_is_laid_over_the_one_that_it_extends():
+    scenario = SCENARIOS["fast_turn_pi_dynamics_rate_coupling"]
+    assert scenario.controller.kind == "utc"
+    assert scenario.controller.horizon_steps == 5
+    assert scenario.reference.amplitude_deg_s == 400.0
+
+
+def test_a_scenario_is_frozen_and_replaced_by_checked_copies():
+    scenario = SCENARIOS[FAST]
+    with pytest.raises(pydantic.ValidationError):
+        scenario.dt_s = 1.0
+    with pytest.raises(pydantic.ValidationError):
+        scenario.replace(dt_s=-1.0)
+    with pytest.raises(pydantic.ValidationError):
+        scenario.replace(plant={"kind": "skydiver"})
+    assert scenario.replace(duration_s=2.0).duration_s == 2.0
+
+
+def test_an_integer_is_a_number():
+    force = load_scenario(FAST, {"plant.hands.K_N": 50}).plant.hands.K_N
+    assert force == 50.0
+    assert isinstance(force, float)
+
+
+def test_steps_and_stamps_are_integers():
+    scenario = SCENARIOS[FAST]
+    assert (scenario.dt_ns, scenario.steps) == (4_200_000, 4762)
+    assert scenario.stamp_ns(1000) - scenario.stamp_ns(0) == 4_200_000_000
+    assert scenario.stamp_ns(0) > 0
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (
+            {"controller.horizon_stepz": 5},
+            ["controller.horizon_stepz", "did you mean controller.horizon_steps"],
+        ),
+        ({"controler.horizon_steps": 5}, ["controler", "did you mean controller"]),
+        ({"subject": "heavy"}, ["unknown parameter subject", "did you mean plant.subject"]),
+        ({"plant.hands.K_N": "fifty"}, ["plant.hands.K_N", "number", "'fifty'"]),
+        ({"plant.hands.K_N": math.nan}, ["plant.hands.K_N", "finite"]),
+        ({"plant.hands.K_N": math.inf}, ["plant.hands.K_N", "finite"]),
+        ({"plant.hands.K_N": "nan"}, ["plant.hands.K_N", "number", "'nan'"]),
+        ({"plant.hands.K_N": True}, ["plant.hands.K_N"]),
+        ({"plant.limbs.reaction": "no"}, ["plant.limbs.reaction", "true or false", "'no'"]),
+        ({"dt_s": -0.0042}, ["dt_s", "-0.0042"]),
+        ({"dt_s": 0.00420000001}, ["dt_s", "nanoseconds"]),
+        ({"duration_s": 0.001}, ["duration_s"]),
+        ({"plant.limits.alpha": [1.5, -1.5]}, ["alpha", "upside down"]),
+        ({"plant.limits.alpha": [1.5]}, ["alpha"]),
+        ({"plant.limits.alpha": None}, ["plant.limits.alpha", "a list"]),
+        ({"plant.limits.alpha": [-100, 100]}, ["plant.limits.alpha.0", "plant.limits.alpha.1"]),
+        ({"plant.limits": 1.0}, ["plant.limits", "a block"]),
+        ({"plant": "skydiver"}, ["plant", "a block", "'skydiver'"]),
+        ({"plant.initial.alpha": 2.0}, ["initial.alpha", "limits"]),
+        ({"plant.initial.bank_deg.x": 2.0}, ["plant.initial.bank_deg", "number"]),
+        ({"controller.coupling": "sometimes"}, ["controller.coupling", "sometimes"]),
+        ({"controller.kind": "uct"}, ["controller.kind", "did you mean utc"]),
+        ({"controller": {"W0": 0.5}, "controller.kind": None}, ["controller.kind is missing"]),
+        ({"plant.kind": "balloon"}, ["plant.kind", "skydiver, linear", "module:Class"]),
+        ({"disturbances": [{"kind": "wind"}]}, ["disturbances[0].kind", "wind"]),
+        ({"disturbances": 3}, ["disturbances", "a list"]),
+        ({"plant.pattern.kind": "wave"}, ["plant.pattern.kind", "wave", "direction, path"]),
+        ({"plant.pattern.components.left_hip": [0.9, 0.0, 0.0]}, ["plant.pattern", "unit norm"]),
+        ({"controller.W0": 1.0}, ["controller.W0"]),
+        ({"plant.subject": "giant"}, ["giant", "average"]),
+        ({"plant.subject.mass_kg": 5}, ["subject.mass_kg"]),
+        ({"name.first": 1}, ["name"]),
+        ({"controller": {"kind": "lqr", "K_p": 1.0}}, ["controller.K_p"]),
+    ],
+    ids=lambda value: str(value) if isinstance(value, dict) else "",
+)
+def test_a_wrong_value_is_named(overrides, words):
+    message = refused(overrides)
+    for word in words:
+        assert word in message
+
+
+def test_all_wrong_fields_are_named_at_once():
+    message = refused({"plant.hands.K_N": "fifty", "controller.kindness": 1, "dt_s": 0, "namee": "a"})
+    for name in ("plant.hands.K_N", "controller.kindness", "dt_s", "namee"):
+        assert name in message
+
+
+def test_an_unknown_scenario_is_named_with_a_near_one():
+    assert "did you mean fast_turn_unknown_dynamics" in refused({}, "fast_turn_unknown_dynamic")
+    assert "nowhere.yaml" in refused({}, "nowhere.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("extends: nothing_there\n", ["nothing_there"]),
+        ("name: a\nname: b\n", ["'name'"]),
+        ("- 1\n", ["mapping"]),
+        ("a: [1\n", ["YAML"]),
+        ("dt_s: .nan\n", ["dt_s"]),
+        ("title: x\n", ["name", "duration_s", "plant", "reference", "controller", "missing"]),
+    ],
+)
+def test_a_wrong_file_is_named(tmp_path, text, words):
+    path = tmp_path / "flight.yaml"
+    path.write_text(text)
+    message = refused({}, str(path))
+    for word in words:
+        assert word in message
+
+
+def test_an_exponent_without_a_point_is_a_number(tmp_path):
+    path = tmp_path / "flight.yaml"
+    text = to_yaml(SCENARIOS[FAST]).replace("duration_s: 20.0", "duration_s: 2e1")
+    assert "2e1" in text
+    path.write_text(text)
+    assert load_scenario(str(path)) == SCENARIOS[FAST]
+
+
+def test_a_block_with_a_name_replaces_that_of_its_kind_s_defaults(tmp_path):
+    """A resolved layout, whose pattern has other joints than the turn that is the default."""
+    path = tmp_path / "flight.yaml"
+    path.write_text(to_yaml(SCENARIOS["front_layout"]))
+    assert load_scenario(str(path)) == SCENARIOS["front_layout"]
+    components = {"left_hip": [1.0, 0.0, 0.0]}
+    pattern = load_scenario(FAST, {"plant.pattern.components": components}).plant.pattern
+    assert pattern.components == {"left_hip": (1.0, 0.0, 0.0)}
+    assert (
+        load_scenario(
+            FAST, {"plant.subject": "heavy", "plant.subject.suit": "standard"}
+        ).plant.subject.suit.name
+        == "standard"
+    )
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_scenario_comes_back_from_its_yaml_and_takes_its_own_leaves(name):
+    scenario = SCENARIOS[name]
+    assert from_yaml(to_yaml(scenario)) == scenario
+    assert override(scenario, {leaf.name: leaf.value for leaf in leaves(scenario)}) == scenario
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_every_number_has_a_description_and_a_unit_and_prose_is_no_leaf(name):
+    found = leaves(SCENARIOS[name])
+    for leaf in found:
+        if leaf.kind in ("float", "int"):
+            assert leaf.description, leaf.name
+            # A table's unit is that of what its rows are named after.
+            assert leaf.unit or leaf.minimum is None, leaf.name
+            assert leaf.minimum is None or leaf.minimum <= leaf.value, leaf.name
+            assert leaf.maximum is None or leaf.value <= leaf.maximum, leaf.name
+        assert leaf.kind != "str" or leaf.value in leaf.choices
+    names, prose = {leaf.name for leaf in found}, {"name", "title", "description", "source", "kind"}
+    assert {"dt_s", "plant.hands.K_N", "plant.subject.mass_kg"} <= names
+    assert not {name for name in names if name.rpartition(".")[2] in prose}
+
+
+def test_utc_has_the_paper_s_numbers():
+    found, settings = SCENARIOS[FAST].controller, paper_utc.Settings(dt=0.0042)
+    np.testing.assert_array_equal(list(found.Pu.values()), paper_utc.VARIANCES)
+    coupling = found.coupling
+    assert (coupling.k_right, coupling.k_left, coupling.alpha) == (
+        paper_utc.Q12,
+        paper_utc.Q13,
+        paper_utc.Q14,
+    )
+    assert (found.P_err, found.horizon_steps, found.W0) == (settings.P_err, settings.N, 0.25)

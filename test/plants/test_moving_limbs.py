@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The reaction of moving limbs: total angular momentum, computed apart from the kernels, is kept."""
+
+from copy import copy
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from skydiver_utc.body.posture import configuration, pattern_direction, posture_angles
+from skydiver_utc.body.segments import build_body
+from skydiver_utc.parameters import load_scenario
+from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
+
+ARMS = {
+    "left_shoulder": [0.6, 0.3, 0.0],
+    "right_shoulder": [-0.6, -0.3, 0.0],
+    "left_elbow": [0.2, 0.0, 0.0],
+}
+
+
+@cache
+def plant_of(dt=0.0042, nodes=1025, reaction=True):
+    """Scenario and plant; the table is fine, so that the mechanics is tested and not the interpolation."""
+    norm = np.sqrt(sum(np.square(row).sum() for row in ARMS.values()))
+    components = {joint: [float(c / norm) for c in row] for joint, row in ARMS.items()}
+    settings = {"plant.pattern.components": components, "plant.pattern_nodes": nodes, "dt_s": dt}
+    scenario = load_scenario("bank_recovery", settings | {"plant.limbs.reaction": reaction})
+    return scenario, SkydiverPlant(scenario.plant, dt)
+
+
+def in_vacuum(plant):
+    copied = copy(plant)
+    copied.constants = plant.constants._replace(half_density=0.0, gravity=0.0, hand_force=0.0)
+    return copied
+
+
+def total_angular_momentum(scenario, state, alpha, rate):
+    """About the centre of mass, in the world: spin and orbit of every segment, velocities by Richardson's rule."""
+    body = build_body(scenario.plant.subject)
+    neutral, direction = posture_angles(scenario.plant.posture), pattern_direction(scenario.plant.pattern)
+    here = configuration(body, neutral + alpha * direction)
+
+    def difference(step):
+        before, after = (configuration(body, neutral + (alpha + s * step) * direction) for s in (-1, 1))
+        return (after.centre - before.centre) / (2 * step), (after.rotation - before.rotation) / (2 * step)
+
+    (centre_1, rotation_1), (centre_2, rotation_2) = difference(2e-3), difference(1e-3)
+    velocity = (4 * centre_2 - centre_1) / 3 * rate
+    turning = (4 * rotation_2 - rotation_1) / 3 * rate
+    total = np.zeros(3)
+    for i in range(16):
+        R = here.rotation[i]
+        spin = turning[i] @ R.T
+        omega = state[10:13] + np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
+        total += R @ (body.inertia[i] * (R.T @ omega))
+        moving = velocity[i] + np.cross(state[10:13], here.centre[i])
+        total += body.mass[i] * np.cross(here.centre[i], moving)
+    return Rotation.from_quat(state[3:7]).apply(total)
+
+
+@pytest.mark.parametrize("spin", [0.0, 3.0])
+@pytest.mark.parametrize(
+    ("dt", "nodes", "bound"), [(0.001, 1025, 1e-9), (0.0042, 65, 5e-7)], ids=["fine", "as flown"]
+)
+def test_angular_momentum_is_kept_in_vacuum(spin, dt, nodes, bound):
+    """Arms swung out and back for 1.5 s: the body turns, the total [kg m2/s] stays as docs/model.md says."""
+    scenario, plant = plant_of(dt, nodes)
+    plant = in_vacuum(plant)
+    state, held = plant.initial_state(), plant.initial_applied()
+    state[3:7], state[7:10] = [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, -50.0]
+    state[10:13] = [0.1 * spin, -0.2 * spin, spin]
+    start = total_angular_momentum(scenario, state, 0.0, 0.0)
+    largest_turn = 0.0
+    for k in range(round(1.5 / dt)):
+        target = 1.2 if k * dt < 0.7 else -0.3
+        before, held = held, plant.actuate(np.array([0.5, 0.0, 0.0, target]), held)
+        state = plant.step(state, before, held)
+        if k % 50 == 0:
+            now = total_angular_momentum(scenario, state, held[3], held[4])
+            np.testing.assert_allclose(now, start, atol=bound)
+        largest_turn = max(largest_turn, 2 * np.linalg.norm(state[3:6]))
+    if spin == 0.0:
+        assert largest_turn > np.deg2rad(2)
+
+
+def test_body_rates_do_not_jump_when_a_limb_starts():
+    """The actuator's acceleration is finite, so one step changes the rates by no more than h a dt / I allows."""
+    plant = in_vacuum(plant_of()[1])
+    state, held = plant.initial_state(), plant.initial_applied()
+    for _ in range(100):
+        before, held = held, plant.actuate(np.array([0.5, 0.0, 0.0, 1.0]), held)
+        following = plant.step(state, before, held)
+        assert abs(held[4] - before[4]) <= 100.0 * plant.dt_s + 1e-12
+        assert abs(held[4]) <= 3.5 + 1e-12
+        assert np.abs(following[10:13] - state[10:13]).max() < 0.3
+        state = following
+
+
+@pytest.mark.parametrize("target", [0.02, 0.4, 1.5, -1.5])
+def test_the_limbs_arrive_and_stop(target):
+    _, plant = plant_of()
+    held = plant.initial_applied()
+    path = []
+    for _ in range(400):
+        held = plant.actuate(np.array([0.5, 0.0, 0.0, target]), held)
+        path.append(held[3])
+    assert path[-1] == pytest.approx(target, abs=1e-6)
+    assert held[4] == pytest.approx(0.0, abs=1e-3)
+    overshoot = max(np.sign(target) * (np.array(path) - target))
+    assert overshoot < 1e-3
+
+
+def test_a_slow_limb_is_a_held_posture():
+    """Without motion both steps are the same step."""
+    (_, moving), (_, held) = plant_of(), plant_of(reaction=False)
+    applied = np.array([0.7, 0.1, 0.4, 0.3, 0.0])
+    state = moving.initial_state()
+    state[10:13] = [0.2, -0.1, 2.0]
+    np.testing.assert_allclose(
+        moving.step(state, applied, applied), held.step(state, applied, applied), rtol=1e-12, atol=1e-13
+    )

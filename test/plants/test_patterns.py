@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The movement patterns: made by their command, in a body's reach, and doing what docs/patterns.md says."""
+
+import json
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from skydivers import falling_straight, joint_angles, oracle_derivative, skydiver
+
+from skydiver_utc.body.posture import joint_ranges, pattern_direction
+from skydiver_utc.body.segments import JOINTS
+from skydiver_utc.cli.main import main
+from skydiver_utc.parameters.loading import config_folder
+from skydiver_utc.parameters.yaml_io import read_yaml
+from skydiver_utc.plants.skydiver.pattern_kinds import PATTERN_KINDS
+from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
+from skydiver_utc.rotations import dorsal_axis_height, world_up
+
+DOCUMENT = (Path(__file__).parents[2] / "docs" / "patterns.md").read_text(encoding="utf-8")
+# Place of the acceleration that each pattern is for, and of those that its mirror image reverses.
+WANTED = {"turn": 5, "pitch": 4, "lateral": 1, "fall_rate": 2}
+REVERSED = (1, 3, 5)
+MIRRORED = ("turn", "lateral")
+_NUMBER = re.compile(r"-?[\d.]+$")
+
+
+def table(heading):
+    """Rows of the table whose header starts so: the pattern, then numbers; what is no number stays text."""
+    section = DOCUMENT.partition(f"| {heading}")[2].partition("\n\n")[0]
+    rows = []
+    for line in section.splitlines()[2:]:
+        name, *cells = (cell.strip() for cell in line.strip("|").split("|"))
+        rows.append((name, *(float(cell) if _NUMBER.match(cell) else cell for cell in cells)))
+    return rows
+
+
+AT_ONCE = table("pattern | alpha [rad] | surge")
+HELD = table("pattern | alpha [rad] | fall rate")
+LARGEST = table("pattern | surge")
+ALPHAS = np.linspace(-1.5, 1.5, 61)
+
+
+@cache
+def scenario_of(name):
+    return skydiver(pattern=name, initial__bank_deg=0.0)
+
+
+@cache
+def at_once(name):
+    """Accelerations (6,) of the straight fall of neutral at each alpha of ALPHAS, by the oracle's equations."""
+    scenario = scenario_of(name)
+
+    def accelerations(alpha, speed):
+        return oracle_derivative(scenario, np.array([0.0, 0.0, 0.0, alpha]))(
+            falling_straight(scenario, speed)
+        )[7:]
+
+    # Drag grows with the square of the speed and carries the weight in the straight fall.
+    drag = accelerations(0.0, 50.0)[2] - accelerations(0.0, 1e-6)[2]
+    speed = 50.0 * np.sqrt(-accelerations(0.0, 1e-6)[2] / drag)
+    assert np.abs(accelerations(0.0, speed)).max() < 1e-6
+    return {round(alpha, 9): accelerations(alpha, speed) for alpha in ALPHAS}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", PATTERN_KINDS)
+def test_every_pattern_is_made_again_by_its_command(name, tmp_path):
+    path = tmp_path / f"{name}.yaml"
+    arguments = ["pattern", "design", "bank_recovery", "--kind", name, "--seed", "1", "--out", str(path)]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 0, result.output
+    made, committed = read_yaml(path), read_yaml(config_folder() / "patterns" / f"{name}.yaml")
+    for joint, row in committed.pop("components").items():
+        np.testing.assert_allclose(made["components"][joint], row, atol=2e-3)
+    made.pop("components")
+    assert made == committed
+
+
+def test_the_library_is_the_kinds():
+    files = {path.stem: read_yaml(path) for path in (config_folder() / "patterns").glob("*.yaml")}
+    assert {name for name, content in files.items() if content["kind"] == "direction"} == set(PATTERN_KINDS)
+    assert {row[0] for row in AT_ONCE} == {row[0] for row in HELD} == set(PATTERN_KINDS)
+    assert [row[0] for row in LARGEST] == list(PATTERN_KINDS)
+
+
+@pytest.mark.parametrize("name", PATTERN_KINDS)
+def test_left_and_right_move_alike_or_against_each_other(name):
+    direction = pattern_direction(scenario_of(name).plant.pattern)
+    assert (direction**2).sum() == pytest.approx(1.0, abs=1e-8)
+    sign = -1.0 if name in MIRRORED else 1.0
+    for row, joint in enumerate(JOINTS):
+        if joint.startswith("left_"):
+            right = JOINTS.index(joint.replace("left_", "right_"))
+            np.testing.assert_array_equal(direction[right], sign * direction[row])
+        elif not joint.startswith("right_"):
+            still = [0] if name in MIRRORED else [1, 2]
+            assert not direction[row, still].any()
+
+
+@pytest.mark.parametrize("name", PATTERN_KINDS)
+def test_joints_stay_within_their_limits_at_every_alpha(name):
+    scenario = scenario_of(name)
+    lower, upper = joint_ranges(scenario.plant.subject.joint_limits)
+    for alpha in np.linspace(*scenario.plant.limits.alpha, 31):
+        angles = joint_angles(scenario, alpha)
+        assert (angles >= lower - 1e-6).all()
+        assert (angles <= upper + 1e-6).all()
+
+
+@pytest.mark.parametrize("name", PATTERN_KINDS)
+def test_a_pattern_does_at_once_what_the_table_says(name):
+    for _, alpha, *accelerations in (row for row in AT_ONCE if row[0] == name):
+        np.testing.assert_allclose(at_once(name)[alpha], accelerations, atol=0.006)
+
+
+@pytest.mark.parametrize("name", PATTERN_KINDS)
+def test_more_of_a_pattern_accelerates_more_and_little_else(name):
+    """Over the whole range, with the sign of alpha; the largest of the others are in the document."""
+    (largest,) = (row[1:] for row in LARGEST if row[0] == name)
+    assert largest[WANTED[name]] == "wanted"
+    found = np.array(list(at_once(name).values()))
+    assert np.diff(found[:, WANTED[name]]).min() > 0
+    for value, bound in zip(np.abs(found).max(axis=0), largest, strict=True):
+        assert bound == "wanted" or value <= bound + 1e-9
+
+
+@pytest.mark.parametrize("name", MIRRORED)
+def test_the_negative_of_a_mirrored_pattern_is_its_mirror_image(name):
+    mirror = np.ones(6)
+    mirror[list(REVERSED)] = -1.0
+    np.testing.assert_allclose(at_once(name)[-1.0], mirror * at_once(name)[1.0], atol=1e-8)
+
+
+def shown(name, *arguments):
+    result = CliRunner().invoke(main, ["pattern", "show", name, *arguments])
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+@pytest.mark.parametrize("name", PATTERN_KINDS)
+def test_show_prints_the_tables(name):
+    at = {round(row["alpha_rad"], 9): row for row in json.loads(shown(name, "--json"))["at"]}
+    assert list(at) == [-1.5, -1.0, -0.5, 0.5, 1.0, 1.5]
+    for _, alpha, *accelerations in (row for row in AT_ONCE if row[0] == name):
+        found = at[alpha]["acceleration_m_s2"] + at[alpha]["angular_acceleration_rad_s2"]
+        np.testing.assert_allclose(found, accelerations, atol=0.006)
+    for _, alpha, fall_rate, glide, *rest, stable in (row for row in HELD if row[0] == name):
+        steady = at[alpha]["steady"]
+        if stable == "not found":
+            assert steady is None
+            continue
+        angle, direction = glide.split()
+        assert (steady["glide_direction"], steady["stable"]) == (direction, stable == "stable")
+        names = ("fall_rate_m_s", "glide_angle_deg", "pitch_deg", "bank_deg", "yaw_rate_deg_s")
+        found = [steady[name] for name in names]
+        np.testing.assert_allclose(found, [fall_rate, float(angle), *rest], atol=0.06)
+
+
+def test_show_prints_tables_on_the_screen():
+    printed = shown("lateral")
+    for part in ("Slide to the left", "seed 1", "sway", "not found", "stable"):
+        assert part in printed
+
+
+def held_for(name, alpha, seconds):
+    """State after a flight from the straight fall with the pattern held, by the plant."""
+    scenario = scenario_of(name)
+    plant = SkydiverPlant(scenario.plant, scenario.dt_s)
+    state, applied = plant.initial_state(), plant.initial_applied()
+    command = np.array([0.5, 0.0, 0.0, alpha])
+    for _ in range(round(seconds / scenario.dt_s)):
+        before, applied = applied, plant.actuate(command, applied)
+        state = plant.step(state, before, applied)
+    return state
+
+
+@pytest.mark.parametrize("name", ["pitch", "lateral", "fall_rate"])
+def test_a_pattern_that_is_held_flies_into_its_steady_fall(name):
+    (steady,) = (row for row in HELD if row[:2] == (name, 0.5))
+    state = held_for(name, 0.5, 60.0)
+    assert np.linalg.norm(state[7:10]) * np.cos(np.deg2rad(float(steady[3].split()[0]))) == pytest.approx(
+        steady[2], abs=0.1
+    )
+    assert np.rad2deg(state[12]) == pytest.approx(steady[6], abs=0.1)
+    up = world_up(state)
+    np.testing.assert_allclose(np.rad2deg(np.arcsin([-up[0], up[1]])), steady[4:6], atol=0.1)
+
+
+def test_the_largest_lateral_pattern_ends_in_a_slow_turn_to_its_side():
+    state = held_for("lateral", 1.5, 120.0)
+    assert 8 < np.rad2deg(state[12]) < 15
+    assert dorsal_axis_height(state) > 0.99
+
+
+def test_a_pattern_may_be_a_file(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text((config_folder() / "patterns" / "turn.yaml").read_text(encoding="utf-8"))
+    assert json.loads(shown(str(path), "--json"))["pattern"] == "turn"
+    result = CliRunner().invoke(main, ["pattern", "show", str(tmp_path / "none.yaml")])
+    assert result.exit_code == 2
+    assert "there is no pattern file" in result.output
+
+
+def test_an_unknown_kind_is_refused():
+    result = CliRunner().invoke(main, ["pattern", "design", "bank_recovery", "--kind", "wave"])
+    assert result.exit_code == 2
+    assert "'turn', 'pitch', 'lateral', 'fall_rate'" in result.output

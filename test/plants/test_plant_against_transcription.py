@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plant's kernels against the equations written out apart from them, and against conservation laws."""
+
+import aerodynamics as oracle
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+from skydivers import (
+    joint_angles,
+    model_of,
+    oracle_constants,
+    oracle_derivative,
+    oracle_posture,
+    random_control,
+    random_state,
+    skydiver,
+)
+
+from skydiver_utc.body.movement import movement
+from skydiver_utc.body.posture import configuration
+from skydiver_utc.body.segments import build_body
+from skydiver_utc.plants.skydiver.dynamics import (
+    invert_inertia,
+    posture_geometry,
+    state_derivative,
+)
+from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, INERTIA_AT, pack_geometry, posture_row
+from skydiver_utc.plants.skydiver.prediction import skydiver_step
+from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
+
+SCENARIO = skydiver("fast_turn_unknown_dynamics")
+BODY = build_body(SCENARIO.plant.subject)
+MODEL = model_of(SCENARIO)
+
+
+def exact_geometry(alpha):
+    placed = configuration(BODY, joint_angles(SCENARIO, alpha))
+    geometry, inverse = pack_geometry(BODY, placed, np.zeros(3)), np.empty(6)
+    invert_inertia(geometry, inverse)
+    return geometry, inverse
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_derivative_equals_transcription(seed):
+    rng = np.random.default_rng(seed)
+    state, control = random_state(rng), random_control(rng, SCENARIO)
+    geometry, inverse = exact_geometry(control[3])
+    derivative = np.empty(13)
+    state_derivative(MODEL, geometry, inverse, control, state, derivative)
+    expected = oracle_derivative(SCENARIO, control)(state)
+    np.testing.assert_allclose(derivative, expected, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_step_equals_transcription_with_tabulated_posture(seed):
+    """The cubic posture table costs less than 1e-7 of a step."""
+    rng = np.random.default_rng(100 + seed)
+    state, control = random_state(rng), random_control(rng, SCENARIO)
+    following = np.empty(13)
+    skydiver_step(state, control, MODEL, following)
+    posture = oracle_posture(SCENARIO, joint_angles(SCENARIO, control[3]))
+    constants = oracle_constants(SCENARIO)
+    expected = oracle.rk4(
+        lambda x: oracle.state_derivative(x, control, posture, constants, normalise=False), state, MODEL.dt
+    )
+    np.testing.assert_allclose(following - state, expected - state, rtol=1e-6, atol=1e-7)
+
+
+def test_posture_table_error_bound():
+    """Between its nodes the table keeps position, drag, inertia and swing entries to 2e-6 (m, m2, kg m2)."""
+    row = np.empty(GEOMETRY_SIZE)
+    moves = movement(SCENARIO.plant.posture, SCENARIO.plant.pattern)
+    for alpha in np.linspace(*SCENARIO.plant.limits.alpha, 257):
+        posture_geometry(MODEL, alpha, row)
+        np.testing.assert_allclose(row, posture_row(BODY, moves, alpha), atol=2e-6)
+
+
+def test_momentum_and_energy_are_kept_without_air_and_gravity():
+    """A free rigid body: momentum, angular momentum in the world and kinetic energy stay to 1e-9 over 4 s."""
+    model = MODEL._replace(half_density=0.0, gravity=0.0, hand_force=0.0, dt=0.0002)
+    rng = np.random.default_rng(3)
+    state, control = random_state(rng), np.array([1.0, 0.0, 0.0, 0.8])
+    geometry = np.empty(GEOMETRY_SIZE)
+    posture_geometry(model, 0.8, geometry)
+    xx, yy, zz, xy, xz, yz = geometry[INERTIA_AT : INERTIA_AT + 6]
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    def invariants(x):
+        world = Rotation.from_quat(x[3:7]).as_matrix()
+        spin = inertia @ x[10:13]
+        energy = 0.5 * BODY.total_mass * x[7:10] @ x[7:10] + 0.5 * x[10:13] @ spin
+        return np.concatenate([BODY.total_mass * world @ x[7:10], world @ spin, [energy]])
+
+    before = invariants(state)
+    for _ in range(20_000):
+        skydiver_step(state, control, model, state)
+    np.testing.assert_allclose(invariants(state), before, rtol=1e-9)
+
+
+def test_free_fall_in_vacuum_is_a_parabola():
+    model = MODEL._replace(half_density=0.0, hand_force=0.0)
+    state = np.zeros(13)
+    state[6], state[7] = 1.0, 20.0
+    for _ in range(1000):
+        skydiver_step(state, np.zeros(4), model, state)
+    t = 1000 * model.dt
+    np.testing.assert_allclose(state[:3], [20.0 * t, 0.0, -0.5 * 9.80665 * t * t], rtol=1e-12, atol=1e-9)
+
+
+def test_integration_against_an_independent_integrator():
+    """Two seconds of a held turn against SciPy's DOP853 on the transcription."""
+    control = np.array([0.3, 0.5, 1.5, 0.7])
+    derivative = oracle_derivative(SCENARIO, control)
+    start = np.zeros(13)
+    start[6], start[9] = 1.0, -58.0
+    options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-11}
+    solution = solve_ivp(lambda _, x: derivative(x), (0.0, 500 * MODEL.dt), start, **options)
+    state = start.copy()
+    for _ in range(500):
+        skydiver_step(state, control, MODEL, state)
+    np.testing.assert_allclose(state, solution.y[:, -1], rtol=2e-4, atol=2e-4)
+
+
+def test_hands_push_as_in_eq_force2():
+    """M_x = K_N lx (k_left - k_right), F_z = K_N (k_right + k_left), from the difference to hands at rest."""
+    state, rest, pressed = np.zeros(13), np.empty(13), np.empty(13)
+    state[6], state[9] = 1.0, -58.0
+    geometry, inverse = exact_geometry(0.0)
+    state_derivative(MODEL, geometry, inverse, np.array([1.0, 0.0, 0.0, 0.0]), state, rest)
+    state_derivative(MODEL, geometry, inverse, np.array([1.0, 0.5, 2.0, 0.0]), state, pressed)
+    difference = pressed - rest
+    moment, force = oracle.hand_moment_and_force(
+        0.5, 2.0, SCENARIO.plant.hands.K_N, SCENARIO.plant.hands.lx_m
+    )
+    np.testing.assert_allclose(difference[7:10], force / BODY.total_mass, atol=1e-12)
+    inertia = configuration(BODY, joint_angles(SCENARIO)).inertia
+    np.testing.assert_allclose(inertia @ difference[10:13], moment, atol=1e-10)
+
+
+def test_limits_bound_then_slew():
+    plant = SkydiverPlant(skydiver("fast_turn_unknown_dynamics", limbs__reaction=False).plant, SCENARIO.dt_s)
+    before = np.array([0.5, 0.0, 0.0, 0.1, 0.0])
+    applied = plant.actuate(np.array([9.0, -1.0, 7.0, 1.0]), before)
+    np.testing.assert_array_equal(applied[:3], [plant.maximum[0], 0.0, plant.maximum[2]])
+    assert applied[3] == pytest.approx(0.1 + 3.5 * SCENARIO.dt_s, rel=1e-15)

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Straight falls, their modes and steady turns, against the oracle's flight and what can be worked out by hand."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
+from skydivers import model_of, oracle_derivative, skydiver
+
+from skydiver_utc.parameters import ParameterError
+from skydiver_utc.plants.skydiver.linearise import linearise, tilt_axes, velocity_axes
+from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, INERTIA_AT
+from skydiver_utc.plants.skydiver.modes import modes
+from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall, steady_turn, straight_falls
+from skydiver_utc.plants.skydiver.yaw import steady_yaw_rates, yaw_acceleration
+
+POSTURES = ("neutral", "back_to_earth", "head_down", "track")
+REST = np.array([0.5, 0.0, 0.0, 0.0])
+
+
+@cache
+def scenario_of(name):
+    return skydiver(posture=name)
+
+
+@cache
+def held(name):
+    """Model and straight falls of a posture."""
+    model = model_of(scenario_of(name))
+    return model, straight_falls(model)
+
+
+def state_of(up, velocity, rates):
+    """A state (13,) with the world's up direction `up` in body axes; SciPy finds the attitude."""
+    attitude, _ = Rotation.align_vectors([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], [up, tilt_axes(up)[0]])
+    return np.concatenate([np.zeros(3), attitude.as_quat(), velocity, rates])
+
+
+@pytest.mark.parametrize("name", POSTURES)
+def test_the_oracle_finds_no_acceleration_either(name):
+    derivative = oracle_derivative(scenario_of(name), REST)
+    _, falls = held(name)
+    assert len(falls) == 2
+    for fall in falls:
+        state = state_of(fall.up, fall.velocity, fall.rates)
+        assert np.abs(derivative(state)[7:]).max() < 1e-6
+        assert -derivative(state)[2] == pytest.approx(fall.fall_rate)
+
+
+@pytest.mark.parametrize("name", POSTURES)
+def test_a_small_deviation_flies_as_the_system_matrix_says(name):
+    """The oracle's flight over 0.3 s from a small deviation in all eight states, against the matrix exponential."""
+    model, (fall, _) = held(name)
+    matrix = linearise(HeldBody(model, REST), fall)
+    deviation = 1e-5 * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 10.0, -10.0, 10.0])
+    tilts, speeds = tilt_axes(fall.up), velocity_axes(fall)
+    start = state_of(fall.up, fall.velocity + deviation[5:] @ speeds, deviation[2:5])
+    tilted = Rotation.from_quat(start[3:7]) * Rotation.from_rotvec(deviation[:2] @ tilts)
+    start[3:7] = tilted.as_quat()
+    derivative = oracle_derivative(scenario_of(name), REST)
+    options = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+    end = solve_ivp(lambda _, x: derivative(x), (0.0, 0.3), start, **options).y[:, -1]
+    up = Rotation.from_quat(end[3:7]).inv().apply([0.0, 0.0, 1.0])
+    flown = np.concatenate([tilts @ np.cross(up, fall.up), end[10:], speeds @ (end[7:10] - fall.velocity)])
+    expected = expm(0.3 * matrix) @ deviation
+    np.testing.assert_allclose(flown, expected, atol=2e-3 * np.abs(expected).max())
+    np.testing.assert_allclose(flown[:2], expected[:2], atol=1e-8)
+
+
+def ball():
+    """A ball: one drag area in all directions at the centre of mass, another moment of inertia about each axis."""
+    model, _ = held("neutral")
+    geometry = np.zeros(GEOMETRY_SIZE)
+    geometry[3 * 16 : 6 * 16] = 0.5 / 16
+    geometry[INERTIA_AT : INERTIA_AT + 3] = 4.0, 12.0, 14.0
+    return model._replace(geometry=np.tile(geometry, (65, 1)))
+
+
+@pytest.mark.parametrize("up", [[0, 0, 1], [0, 0, -1], [-1, 0, 0], [1, 0, 0], [0, 1, 0], [0.6, 0, -0.8]])
+def test_modes_of_a_ball(up):
+    """In any attitude: 2 g/V along the path, g/V across it, -Cm D/I about each axis, and no stiffness in tilt."""
+    model, up = ball(), np.array(up, dtype=float)
+    speed = np.sqrt(model.mass * model.gravity / (model.half_density * 0.5))
+    fall = SteadyFall(up, -speed * up, np.zeros(3), np.zeros(6))
+    assert np.abs(HeldBody(model, REST).accelerations(up, fall.velocity, fall.rates)).max() < 1e-12
+    damping = model.half_density * speed * model.damping_volume
+    expected = [-2 * model.gravity / speed, *(2 * [-model.gravity / speed]), 0.0, 0.0]
+    expected += [
+        -model.damping_roll * damping / 4.0,
+        -model.damping_pitch * damping / 12.0,
+        -0.5 * damping / 14.0,
+    ]
+    found = np.linalg.eigvals(linearise(HeldBody(model, REST), fall))
+    np.testing.assert_allclose(np.sort(found.real), np.sort(expected), rtol=1e-6, atol=1e-6)
+    assert np.abs(found.imag).max() < 1e-6
+
+
+def test_modes_have_the_names_of_their_motions():
+    model, (fall, _) = held("neutral")
+    found = {mode.name: mode for mode in modes(linearise(HeldBody(model, REST), fall), fall)}
+    falling = found["fall rate subsidence"]
+    assert falling.time_constant == pytest.approx(fall.speed / (2 * model.gravity), rel=1e-3)
+    assert falling.stable
+    assert found["roll subsidence 1"].shares["roll rate"] > 0.9
+    assert found["yaw subsidence"].shares["yaw rate"] > 0.9
+    assert sum(2 if mode.oscillates else 1 for mode in found.values()) == 8
+    for mode in found.values():
+        assert sum(mode.shares.values()) == pytest.approx(1.0)
+
+
+def test_drag_is_odd_so_each_fall_has_an_unstable_reverse():
+    stable, reverse = held("back_to_earth")[1]
+    np.testing.assert_allclose(reverse.velocity, -stable.velocity, atol=1e-6)
+    np.testing.assert_allclose(reverse.up, -stable.up, atol=1e-6)
+    assert stable.pitch_stiffness > 0 > reverse.pitch_stiffness
+
+
+def test_a_crooked_posture_has_no_straight_fall():
+    crooked = skydiver(posture__joint_angles_deg__left_shoulder=[0.0, 10.0, 0.0])
+    with pytest.raises(ParameterError, match="left and right"):
+        straight_falls(model_of(crooked))
+
+
+@pytest.mark.parametrize(("alpha", "damping"), [(0.5, 0.5), (1.5, 0.5), (1.0, 4.0)])
+def test_a_steady_turn_turns_steadily_in_the_oracle(alpha, damping):
+    model, (near, _) = held("neutral")
+    for step in np.linspace(0.0, alpha, 7)[1:]:
+        control = np.array([damping, 0.0, 0.0, step])
+        near = steady_turn(HeldBody(model, control), near)
+    state = state_of(near.up, near.velocity, near.rates)
+    # The flight's posture table keeps every entry to 2e-6 only.
+    assert np.abs(oracle_derivative(scenario_of("neutral"), control)(state)[7:]).max() < 1e-3
+    np.testing.assert_allclose(np.cross(near.rates, near.up), 0.0, atol=1e-12)
+    assert near.yaw_rate > 0
+
+
+def test_turning_grows_with_alpha_and_falls_with_damping():
+    model, (fall, _) = held("neutral")
+    alphas = np.array([0.5, 1.0, 1.5])
+    rates = np.array([steady_yaw_rates(model, fall, alphas, damping) for damping in (0.5, 2.0, 6.0)])
+    assert (np.diff(rates, axis=1) > 0).all()
+    assert (np.diff(rates, axis=0) < 0).all()
+    assert yaw_acceleration(model, fall) > 8.8

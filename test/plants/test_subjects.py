@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Subjects and suits: each falls straight in its neutral posture, and the commands of the files make them again."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.optimize import brentq
+from skydivers import falling_straight, joint_angles, oracle_derivative, skydiver
+
+from skydiver_utc.cli.main import main
+from skydiver_utc.parameters.loading import config_folder
+from skydiver_utc.parameters.yaml_io import read_yaml
+from skydiver_utc.plants.skydiver.trim import straight_fall
+
+# Posture by segment table and suit: a body scaled as a whole balances in the same posture.
+SUBJECTS = {
+    ("average", "formation"): "neutral",
+    ("average", "standard"): "neutral_standard",
+    ("heavy", "formation"): "neutral",
+    ("heavy", "standard"): "neutral_standard",
+    ("light", "formation"): "neutral_female",
+    ("light", "standard"): "neutral_female_standard",
+}
+
+
+def scenario_of(subject, suit, posture=None):
+    return skydiver(subject=subject, subject__suit=suit, posture=posture or SUBJECTS[subject, suit])
+
+
+def by_the_oracle(scenario, alpha=0.0):
+    """Accelerations (6,) in body axes as a function of the speed [m/s], by the oracle's equations of motion."""
+    derivative = oracle_derivative(scenario, np.array([0.0, 0.0, 0.0, alpha]))
+    return lambda speed: derivative(falling_straight(scenario, speed))[7:]
+
+
+def terminal_speed(accelerations):
+    """Where drag along the dorsal axis carries the weight [m/s]."""
+    return brentq(lambda speed: accelerations(speed)[2], 30, 90, xtol=1e-12)
+
+
+@pytest.mark.parametrize(("subject", "suit"), SUBJECTS)
+def test_every_subject_falls_straight_in_its_neutral_posture(subject, suit):
+    """No acceleration above 1e-6 m/s2 or rad/s2 at the one speed where drag carries the weight."""
+    accelerations = by_the_oracle(scenario_of(subject, suit))
+    speed = terminal_speed(accelerations)
+    assert np.abs(accelerations(speed)).max() < 1e-6
+    assert 50 < speed < 65
+
+
+@pytest.mark.parametrize(("subject", "suit"), SUBJECTS)
+def test_every_subject_is_trimmed_from_the_box(subject, suit):
+    """`straight_fall` ends in the committed posture, with a residual below 1e-6."""
+    scenario = scenario_of(subject, suit, "box")
+    trim = straight_fall(scenario, scenario.plant.posture, scenario.plant.initial.pitch_deg)
+    assert np.abs(trim.residual).max() < 1e-6
+    committed = joint_angles(scenario_of(subject, suit))
+    np.testing.assert_allclose(trim.angles, committed, atol=1e-5)
+
+
+def test_the_wider_suit_falls_slower_and_turns_faster():
+    speed, turn = {}, {}
+    for subject, suit in SUBJECTS:
+        scenario = scenario_of(subject, suit)
+        speed[subject, suit] = terminal_speed(by_the_oracle(scenario))
+        turn[subject, suit] = by_the_oracle(scenario, scenario.plant.limits.alpha[1])(speed[subject, suit])[5]
+    for subject in ("light", "average", "heavy"):
+        assert speed[subject, "formation"] < speed[subject, "standard"] - 1
+        assert turn[subject, "formation"] > turn[subject, "standard"] + 1
+    for suit in ("formation", "standard"):
+        assert speed["light", suit] < speed["average", suit] < speed["heavy", suit]
+
+
+def test_the_neutral_posture_is_made_again_by_its_command(tmp_path):
+    """All but the name, which is that of the file."""
+    path = tmp_path / "neutral.yaml"
+    arguments = ["pattern", "neutral", "bank_recovery", "--set", "plant.posture=box", "--out", str(path)]
+    assert CliRunner().invoke(main, arguments).exit_code == 0
+    made, committed = read_yaml(path), read_yaml(config_folder() / "postures" / "neutral.yaml")
+    for joint, degrees in committed.pop("joint_angles_deg").items():
+        np.testing.assert_allclose(made["joint_angles_deg"][joint], degrees, atol=1e-4)
+    made.pop("joint_angles_deg")
+    assert made == committed
+
+
+def test_a_file_that_cannot_be_written_is_refused(tmp_path):
+    arguments = ["pattern", "neutral", "bank_recovery", "--out", str(tmp_path / "posture.txt")]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 2
+    assert ".yaml" in result.stderr

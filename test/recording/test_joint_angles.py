@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint angles from bags and CSV files; an error names the line and the column."""
+
+import numpy as np
+import pytest
+import yaml
+from rosbags.typesys import Stores, get_typestore
+
+from bags import QOS, START_NS, sentence
+from skydiver_utc.body.posture import joint_angle_names
+from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.joint_angles import read_joint_angles
+from skydiver_utc.recording.schemas import message_schema
+from skydiver_utc.recording.writer import BagWriter
+
+NAMES = joint_angle_names()
+TIME, HEADER = "builtin_interfaces/msg/Time", "std_msgs/msg/Header"
+KIND = "sensor_msgs/msg/JointState"
+
+
+def bag_of(folder, postures, names=NAMES, topic="/skydiver/joint_states"):
+    """A bag with a posture every 8 ms; a second message with the stamp of the second posture comes later."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    time, header, joint_state = (store.types[name] for name in (TIME, HEADER, KIND))
+    none = np.empty(0)
+    with BagWriter(folder) as bag:
+        channel = bag.add_topic(topic, *message_schema(KIND), yaml.safe_dump([QOS]))
+        for i, row in [*enumerate(postures), (1, np.ones(len(names)))]:
+            stamp_ns = START_NS + i * 8_000_000
+            stamp = time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+            position = np.array(row, dtype=float)
+            message = joint_state(header(stamp, ""), list(names), position, none, none)
+            bag.write(channel, bytes(store.serialize_cdr(message, KIND)), stamp_ns, stamp_ns)
+    return folder
+
+
+@pytest.mark.parametrize("namespace", ["/skydiver", "/anna"])
+def test_postures_come_back_from_a_bag(tmp_path, namespace):
+    postures = np.random.default_rng(1).normal(size=(5, 45))
+    found = read_joint_angles(bag_of(tmp_path / "run", postures, topic=f"{namespace}/joint_states"), NAMES)
+    assert found.names == NAMES
+    np.testing.assert_array_equal(found.values, postures)
+    np.testing.assert_allclose(found.time_s, 0.008 * np.arange(5), atol=1e-12)
+
+
+def test_a_bag_of_other_joints_is_refused(tmp_path):
+    folder = bag_of(tmp_path / "run", np.zeros((3, 2)), ["left_wing_flexion", "tail_flexion"])
+    with pytest.raises(RecordingError, match="45 joint angles"):
+        read_joint_angles(folder, NAMES)
+
+
+def test_a_bag_without_postures_is_refused(tmp_path):
+    with pytest.raises(RecordingError, match="/skydiver/joint_states"):
+        read_joint_angles(bag_of(tmp_path / "run", np.zeros((3, 45)), topic="/skydiver/other"), NAMES)
+
+
+def read(tmp_path, text):
+    path = tmp_path / "measured.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return read_joint_angles(path, NAMES)
+
+
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+def test_a_csv_file_is_read(tmp_path, ending, mark):
+    lines = ["time_s, left_knee_flexion_deg,neck_rotation", "0,90,-18", "", "0.5,1e1,0", ""]
+    found = read(tmp_path, mark + ending.join(lines))
+    assert found.names == ("left_knee_flexion", "neck_rotation")
+    np.testing.assert_array_equal(found.time_s, [0.0, 0.5])
+    np.testing.assert_allclose(found.values, [[np.pi / 2, -np.pi / 10], [np.pi / 18, 0.0]])
+
+
+HEAD = "time_s,left_knee_flexion,neck_rotation\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ["two postures"]),
+        (HEAD + "0,1,2\n", ["two postures"]),
+        ("t,left_knee_flexion\n0,1\n1,2\n", ["line 1", "time_s", "'t'"]),
+        ("time_s\n0\n1\n", ["line 1", "joint angles"]),
+        ("time_s,left_knee_flexon\n0,1\n1,2\n", ["line 1, column 2", "left_knee_flexion"]),
+        ("time_s,xyzzy\n0,1\n1,2\n", ["line 1, column 2", "'xyzzy'"]),
+        (
+            "time_s,neck_rotation,neck_rotation_deg\n0,1,2\n1,2,3\n",
+            ["line 1, column 3", "neck_rotation"],
+        ),
+        (HEAD + "0,1,2\n1,2\n", ["line 3"]),
+        (HEAD + "0,1,2\n1,2,3,4\n", ["line 3"]),
+        (HEAD + "0,1,2\n1,two,3\n", ["line 3, column left_knee_flexion", "'two'"]),
+        (HEAD + "0,1,2\n1,2,\n", ["line 3, column neck_rotation", "''"]),
+        (HEAD + "0,1,nan\n1,2,3\n", ["line 2, column neck_rotation", "'nan'"]),
+        (HEAD + "0,1,2\ninf,2,3\n", ["line 3, column time_s", "'inf'"]),
+        (HEAD + "0,1,2\n1,2,181\n", ["line 3, column neck_rotation", "181"]),
+        (HEAD + "0,1,2\n\n0,2,3\n", ["line 4, column time_s"]),
+        (HEAD + "0,1,2\n1,2,3\n0.5,2,3\n", ["line 4, column time_s"]),
+        (b"time_s,neck_rotation\n0,\xff\n1,2\n", ["UTF-8"]),
+        (HEAD + '0,1,"2\n1,2,3\n', ["no CSV file"]),
+    ],
+)
+def test_a_fault_in_a_csv_file_is_one_sentence(tmp_path, text, words):
+    with pytest.raises(RecordingError) as caught:
+        read(tmp_path, text)
+    message = sentence(caught)
+    for word in ["measured.csv", *words]:
+        assert word in message

@@ -1,0 +1,508 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of rclpy through the bag and back, by three readers; and what the reader refuses."""
+# ruff: noqa: E402  (ROS may be absent)
+
+import array
+import math
+import os
+import struct
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import yaml
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
+from rosbags.typesys import Stores, get_typestore
+
+from bags import QOS, START_NS, STRING, sentence, text_message
+from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.reader import read_bag
+from skydiver_utc.recording.schemas import message_schema
+from skydiver_utc.recording.stamps import leading_stamp_ns
+from skydiver_utc.recording.writer import BagWriter
+
+os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
+serialization = pytest.importorskip("rclpy.serialization")
+
+from builtin_interfaces.msg import Duration, Time
+from geometry_msgs.msg import TwistStamped
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+DT_NS = 4_200_000
+STEPS = 25
+
+QOS_YAML = yaml.safe_dump([QOS])
+
+
+class Sent(NamedTuple):
+    topic: str
+    type_name: str
+    message: Any
+    log_time_ns: int
+    publish_time_ns: int
+
+
+def doubles(values: np.ndarray) -> array.array:
+    return array.array("d", np.asarray(values, dtype=float).tobytes())
+
+
+def odometry(stamp: Time, rng: np.random.Generator) -> Odometry:
+    message = Odometry(child_frame_id="body")
+    message.header.stamp, message.header.frame_id = stamp, "world"
+    pose, twist = message.pose.pose, message.twist.twist
+    for part in (pose.position, pose.orientation, twist.linear, twist.angular):
+        for name in part.get_fields_and_field_types():
+            setattr(part, name, float(rng.normal()))
+    message.pose.covariance = rng.normal(size=36)
+    return message
+
+
+def joint_state(stamp: Time, rng: np.random.Generator) -> JointState:
+    message = JointState(name=["Cm_damp_yaw", "k_right", "k_left", "alpha \N{DEGREE SIGN}"])
+    message.header.stamp = stamp
+    message.position = doubles(rng.normal(size=4))
+    message.velocity = doubles([math.inf, -0.0, 5e-324, 1.7976931348623157e308])
+    message.effort = doubles([math.nan])
+    return message
+
+
+def trajectory(stamp: Time, rng: np.random.Generator) -> JointTrajectory:
+    message = JointTrajectory(joint_names=["yaw_rate"])
+    message.header.stamp = stamp
+    for i in range(3):
+        point = JointTrajectoryPoint()
+        for name in ("positions", "velocities", "accelerations", "effort"):
+            setattr(point, name, doubles(rng.normal(size=i + 1)))
+        point.time_from_start = Duration(sec=-1, nanosec=i * DT_NS)
+        message.points.append(point)
+    return message
+
+
+def twist(stamp: Time, rng: np.random.Generator) -> TwistStamped:
+    message = TwistStamped()
+    message.header.stamp, message.header.frame_id = stamp, "body"
+    message.twist.angular.z = float(rng.normal())
+    return message
+
+
+def flight() -> list[Sent]:
+    """Messages of every type of the package, some steps of them, without empty arrays (see below)."""
+    rng = np.random.default_rng(1)
+    sent = []
+    for k in range(STEPS):
+        now = START_NS + k * DT_NS
+        stamp = Time(sec=now // 10**9, nanosec=now % 10**9)
+        messages = [
+            ("/clock", "rosgraph_msgs/msg/Clock", Clock(clock=stamp)),
+            ("/skydiver/state", "nav_msgs/msg/Odometry", odometry(stamp, rng)),
+            ("/skydiver/command", "sensor_msgs/msg/JointState", joint_state(stamp, rng)),
+            ("/skydiver/reference/setpoint", "geometry_msgs/msg/TwistStamped", twist(stamp, rng)),
+        ]
+        if k % 10 == 0:
+            messages += [
+                ("/skydiver/reference", "trajectory_msgs/msg/JointTrajectory", trajectory(stamp, rng)),
+                (
+                    "/skydiver/scenario",
+                    "std_msgs/msg/String",
+                    String(data=f"angle: 9 \N{DEGREE SIGN}\nk: {k}\n"),
+                ),
+            ]
+        sent += [
+            Sent(topic, type_name, message, now, now + 1000 + k) for topic, type_name, message in messages
+        ]
+    return sent
+
+
+def record(folder: Path, sent: list[Sent], flush_interval_s: float = 0.5) -> None:
+    with BagWriter(folder, flush_interval_s) as bag:
+        channels: dict[str, int] = {}
+        for item in sent:
+            if item.topic not in channels:
+                schema = message_schema(item.type_name)
+                channels[item.topic] = bag.add_topic(item.topic, *schema, QOS_YAML)
+            cdr = serialization.serialize_message(item.message)
+            bag.write(channels[item.topic], cdr, item.log_time_ns, item.publish_time_ns)
+
+
+def by_topic(sent: list[Sent]) -> dict[str, list[Sent]]:
+    grouped: dict[str, list[Sent]] = {}
+    for item in sent:
+        grouped.setdefault(item.topic, []).append(item)
+    return grouped
+
+
+def assert_same(expected: Any, actual: Any) -> None:
+    """Field for field, and bit for bit in floats; `expected` is a message of rclpy."""
+    if hasattr(expected, "get_fields_and_field_types"):
+        for name in expected.get_fields_and_field_types():
+            assert_same(getattr(expected, name), getattr(actual, name))
+    elif isinstance(expected, float):
+        assert struct.pack("<d", expected) == struct.pack("<d", actual)
+    elif isinstance(expected, str | int):
+        assert expected == actual
+    else:
+        assert len(expected) == len(actual)
+        for one, other in zip(expected, actual, strict=True):
+            assert_same(float(one) if isinstance(one, np.floating) else one, other)
+
+
+@pytest.fixture(scope="module")
+def sent() -> list[Sent]:
+    return flight()
+
+
+@pytest.fixture(scope="module")
+def bag(sent, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("recording") / "flight"
+    record(folder, sent)
+    return folder
+
+
+def test_rosbags_reads_the_folder(bag, sent):
+    with AnyReader([bag]) as reader:
+        received = [
+            (connection, log_time, reader.deserialize(data, connection.msgtype))
+            for connection, log_time, data in reader.messages()
+        ]
+    assert len(received) == len(sent)
+    for item, (connection, log_time, message) in zip(sent, received, strict=True):
+        assert (connection.topic, connection.msgtype, log_time) == (
+            item.topic,
+            item.type_name,
+            item.log_time_ns,
+        )
+        assert_same(item.message, message)
+
+
+def test_rosbags_agrees_about_the_metadata(bag, sent):
+    groups = by_topic(sent)
+    with Reader(bag) as folder, Reader(bag / "flight_0.mcap") as file:
+        for reader in (folder, file):
+            assert reader.message_count == len(sent)
+            assert reader.start_time == START_NS
+            assert reader.end_time == sent[-1].log_time_ns + 1
+            assert {name: topic.msgcount for name, topic in reader.topics.items()} == {
+                name: len(items) for name, items in groups.items()
+            }
+        jazzy = get_typestore(Stores.ROS2_JAZZY)
+        for listed, stored in zip(folder.connections, file.connections, strict=True):
+            assert (listed.topic, listed.msgtype, listed.msgdef) == (
+                stored.topic,
+                stored.msgtype,
+                stored.msgdef,
+            )
+            assert listed.digest == jazzy.hash_rihs01(listed.msgtype)
+            assert listed.ext == stored.ext
+            (qos,) = listed.ext.offered_qos_profiles
+            assert (qos.depth, qos.reliability.name, qos.durability.name) == (
+                10,
+                "RELIABLE",
+                "TRANSIENT_LOCAL",
+            )
+        assert folder.ros_distro == os.environ.get("ROS_DISTRO", "jazzy")
+
+
+def test_mcap_ros2_support_reads_the_file(bag, sent):
+    groups = by_topic(sent)
+    seen = dict.fromkeys(groups, 0)
+    with (bag / "flight_0.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for schema, channel, raw, message in reader.iter_decoded_messages():
+            item = groups[channel.topic][seen[channel.topic]]
+            assert (schema.name, raw.log_time) == (item.type_name, item.log_time_ns)
+            assert (raw.publish_time, raw.sequence) == (item.publish_time_ns, seen[channel.topic])
+            assert_same(item.message, message)
+            seen[channel.topic] += 1
+    assert seen == {topic: len(items) for topic, items in groups.items()}
+
+
+@pytest.mark.parametrize("what", ["folder", "file", "folder without metadata"])
+def test_own_reader(bag, sent, tmp_path, what):
+    path = bag
+    if what == "file":
+        path = bag / "flight_0.mcap"
+    elif what == "folder without metadata":
+        path = tmp_path / "copy"
+        path.mkdir()
+        (path / "any_name.mcap").write_bytes((bag / "flight_0.mcap").read_bytes())
+    recorded = read_bag(path)
+    groups = by_topic(sent)
+    assert recorded.keys() == groups.keys()
+    for name, items in groups.items():
+        topic = recorded[name]
+        assert (topic.name, topic.type_name, len(topic)) == (name, items[0].type_name, len(items))
+        assert topic.log_times_ns.tolist() == [item.log_time_ns for item in items]
+        assert topic.publish_times_ns.tolist() == [item.publish_time_ns for item in items]
+        for item, message in zip(items, topic.messages, strict=True):
+            assert_same(item.message, message)
+
+
+def test_stamps_of_recorded_messages(bag):
+    for name, topic in read_bag(bag).items():
+        if name != "/skydiver/scenario":
+            assert [leading_stamp_ns(cdr) for cdr in topic.cdr] == topic.log_times_ns.tolist()
+
+
+def test_only_wanted_topics(bag):
+    recorded = read_bag(str(bag), ["/clock", "/skydiver/command"])
+    assert sorted(recorded) == ["/clock", "/skydiver/command"]
+    assert recorded["/skydiver/command"].messages[0].name[0] == "Cm_damp_yaw"
+    with pytest.raises(RecordingError, match="/nothing") as error:
+        read_bag(bag, ["/clock", "/nothing"])
+    sentence(error)
+
+
+def test_messages_are_deserialized_once(bag):
+    topic = read_bag(bag)["/clock"]
+    assert topic.messages is topic.messages
+
+
+def test_several_chunks_keep_the_order(tmp_path, sent):
+    with BagWriter(tmp_path / "bag", flush_interval_s=0.002) as writer:
+        channel = writer.add_topic("/clock", *STRING, "")
+        for k in range(20_000):
+            writer.write(channel, text_message("x"), START_NS + k, START_NS)
+            while k == 10_000 and writer.waiting_bytes:
+                time.sleep(0.001)
+    with writer.mcap_path.open("rb") as stream:
+        assert make_reader(stream).get_summary().statistics.chunk_count > 1
+    assert read_bag(tmp_path / "bag")["/clock"].log_times_ns.tolist() == list(
+        range(START_NS, START_NS + 20_000)
+    )
+
+
+def test_empty_arrays_whose_serialization_has_spare_bytes(tmp_path):
+    # rclpy.serialization keeps room to align elements that are not there; what comes over the wire has none.
+    message = JointState(name=["a"], position=doubles([1.5]))
+    point = JointTrajectoryPoint(velocities=doubles([2.5]))
+    sent = [
+        Sent("/joints", "sensor_msgs/msg/JointState", message, 1, 1),
+        Sent("/points", "trajectory_msgs/msg/JointTrajectory", JointTrajectory(points=[point, point]), 2, 2),
+    ]
+    record(tmp_path / "bag", sent)
+    recorded = read_bag(tmp_path / "bag")
+    for item in sent:
+        assert_same(item.message, recorded[item.topic].messages[0])
+
+
+def test_big_endian_messages(tmp_path):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    name = "geometry_msgs/msg/TwistStamped"
+    cdr = serialization.serialize_message(twist(Time(sec=7, nanosec=9), np.random.default_rng(0)))
+    swapped = bytes(store.serialize_cdr(store.deserialize_cdr(cdr, name), name, little_endian=False))
+    assert swapped[:4] == bytes(4)
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.write(writer.add_topic("/twist", *message_schema(name), ""), swapped, 1, 1)
+    message = read_bag(tmp_path / "bag")["/twist"].messages[0]
+    assert_same(serialization.deserialize_message(cdr, TwistStamped), message)
+    assert leading_stamp_ns(swapped) == 7_000_000_009
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.STORAGE])
+def test_bags_of_rosbags(tmp_path, mode):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    clock = serialization.serialize_message(Clock(clock=Time(sec=5)))
+    other = RosbagsWriter(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
+    other.set_compression(mode, CompressionFormat.ZSTD)
+    with other:
+        connection = other.add_connection("/clock", "rosgraph_msgs/msg/Clock", typestore=store)
+        other.write(connection, 42, clock)
+    topic = read_bag(tmp_path / "bag")["/clock"]
+    assert topic.messages[0].clock.sec == 5
+    assert topic.log_times_ns.tolist() == [42]
+
+
+def foreign_file(path: Path, encoding: str = "ros2msg", text: str | None = None, **options: Any) -> Path:
+    """An MCAP file with one clock message on /clock and one on /other, whose schema is given."""
+    schema = message_schema("rosgraph_msgs/msg/Clock")
+    with path.open("wb") as stream:
+        writer = Writer(stream, **options)
+        writer.start(profile="ros2")
+        plain = writer.register_schema(schema.type_name, "ros2msg", schema.text.encode())
+        other = writer.register_schema(schema.type_name, encoding, (text or schema.text).encode())
+        for topic, schema_id in (("/clock", plain), ("/other", other)):
+            channel = writer.register_channel(topic, "cdr", schema_id)
+            writer.add_message(channel, 1, serialization.serialize_message(Clock()), 1)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"use_chunking": False}, {"compression": CompressionType.NONE}, {"compression": CompressionType.ZSTD}],
+)
+def test_files_of_other_writers(tmp_path, options):
+    recorded = read_bag(foreign_file(tmp_path / "file.mcap", **options))
+    assert len(recorded["/clock"].messages) == len(recorded["/other"].messages) == 1
+
+
+def test_definition_that_is_not_ros2msg(tmp_path):
+    path = foreign_file(tmp_path / "file.mcap", encoding="ros2idl")
+    with pytest.raises(RecordingError, match="/other") as error:
+        read_bag(path)
+    sentence(error)
+    assert len(read_bag(path, ["/clock"])["/clock"].messages) == 1
+
+
+def test_definition_that_does_not_fit(tmp_path):
+    for text in ("float64[100] values\n", "this is no definition\n"):
+        path = foreign_file(tmp_path / "file.mcap", text=text)
+        with pytest.raises(RecordingError, match="rosgraph_msgs/msg/Clock") as error:
+            read_bag(path, ["/other"])["/other"].messages  # noqa: B018
+        assert error.value.__cause__ is not None
+
+
+def test_bytes_that_are_no_message_do_not_hide_the_others(tmp_path):
+    with BagWriter(tmp_path / "bag") as bag:
+        channel = bag.add_topic("/joints", *message_schema("sensor_msgs/msg/JointState"), "")
+        whole = serialization.serialize_message(JointState(name=["a"], position=doubles([1.5])))
+        for cdr in (b"", whole, b"\x00\x01\x00\x00" + b"\xff" * 40, whole[:11], whole):
+            bag.write(channel, cdr, 1, 1)
+    topic = read_bag(tmp_path / "bag")["/joints"]
+    names = [message and list(message.name) for message in topic.readable]
+    assert names == [None, ["a"], None, None, ["a"]]
+    with pytest.raises(RecordingError, match="sensor_msgs/msg/JointState") as error:
+        topic.messages  # noqa: B018
+    assert error.value.__cause__ is not None
+
+
+def split_bag(folder: Path) -> Path:
+    """A bag of two files, as `ros2 bag record --max-bag-size` leaves it."""
+    folder.mkdir()
+    for number in (0, 1):
+        item = Sent("/clock", "rosgraph_msgs/msg/Clock", Clock(clock=Time(sec=number)), 100 + number, 1)
+        record(folder / "part", [item])
+        (folder / "part" / "part_0.mcap").rename(folder / f"bag_{number}.mcap")
+        content = yaml.safe_load((folder / "part" / "metadata.yaml").read_text())
+        (folder / "part" / "metadata.yaml").unlink()
+        (folder / "part").rmdir()
+    content["rosbag2_bagfile_information"]["relative_file_paths"] = ["bag_0.mcap", "bag_1.mcap"]
+    (folder / "metadata.yaml").write_text(yaml.safe_dump(content))
+    return folder
+
+
+def test_split_bag(tmp_path):
+    topic = read_bag(split_bag(tmp_path / "bag"))["/clock"]
+    assert topic.log_times_ns.tolist() == [100, 101]
+    assert [message.clock.sec for message in topic.messages] == [0, 1]
+
+
+def test_missing_part(tmp_path):
+    folder = split_bag(tmp_path / "bag")
+    (folder / "bag_1.mcap").unlink()
+    with pytest.raises(RecordingError, match=r"bag_1\.mcap") as error:
+        read_bag(folder)
+    sentence(error)
+
+
+def test_what_is_not_a_bag(tmp_path):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "notes.mcap").write_text("These are notes, not a recording.")
+    (tmp_path / "nothing.mcap").touch()
+    for name in ("absent", "empty", "notes.mcap", "nothing.mcap"):
+        with pytest.raises(RecordingError, match=name) as error:
+            read_bag(tmp_path / name)
+        sentence(error)
+
+
+@pytest.mark.parametrize("text", ["", "just text", "rosbag2_bagfile_information: 3", "[unclosed", "{a: 1}"])
+def test_metadata_that_is_none(bag, tmp_path, text):
+    (tmp_path / "flight_0.mcap").write_bytes((bag / "flight_0.mcap").read_bytes())
+    (tmp_path / "metadata.yaml").write_text(text)
+    with pytest.raises(RecordingError, match="metadata") as error:
+        read_bag(tmp_path)
+    sentence(error)
+
+
+def test_bag_of_another_storage(tmp_path):
+    (tmp_path / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information: {storage_identifier: sqlite3, relative_file_paths: [bag_0.db3]}"
+    )
+    with pytest.raises(RecordingError, match="ros2 bag convert") as error:
+        read_bag(tmp_path)
+    sentence(error)
+
+
+def test_empty_bag(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/clock", *message_schema("rosgraph_msgs/msg/Clock"), "")
+    with pytest.raises(RecordingError, match="no messages") as error:
+        read_bag(tmp_path / "bag")
+    sentence(error)
+
+
+def test_topic_without_messages(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/silent", *message_schema("std_msgs/msg/String"), "")
+        clock = writer.add_topic("/clock", *message_schema("rosgraph_msgs/msg/Clock"), "")
+        writer.write(clock, serialization.serialize_message(Clock()), 1, 1)
+    silent = read_bag(tmp_path / "bag")["/silent"]
+    assert len(silent) == 0
+    assert silent.messages == []
+    assert silent.log_times_ns.dtype == np.int64
+
+
+@pytest.mark.parametrize("kept", [8, 9, 60, 0.3, 0.999])
+def test_recording_that_was_cut_short(bag, tmp_path, kept):
+    data = (bag / "flight_0.mcap").read_bytes()
+    (tmp_path / "flight_0.mcap").write_bytes(data[: kept if isinstance(kept, int) else int(kept * len(data))])
+    with pytest.raises(RecordingError, match="skydiver-utc recover") as error:
+        read_bag(tmp_path)
+    sentence(error)
+
+
+def test_damage_is_never_read_as_data(bag, tmp_path, sent):
+    """A flipped byte anywhere is an error, or does not change the messages."""
+    data = (bag / "flight_0.mcap").read_bytes()
+    groups = by_topic(sent)
+    refused = 0
+    for position in range(40, len(data), max(1, len(data) // 150)):
+        damaged = bytearray(data)
+        damaged[position] ^= 0x5A
+        path = tmp_path / "damaged.mcap"
+        path.write_bytes(damaged)
+        try:
+            recorded = read_bag(path)
+        except RecordingError:
+            refused += 1
+            continue
+        for name, items in groups.items():
+            assert recorded[name].log_times_ns.tolist() == [item.log_time_ns for item in items]
+            assert_same(items[-1].message, recorded[name].messages[-1])
+    assert refused > 10
+
+
+def test_lost_chunk_is_refused(tmp_path):
+    with BagWriter(tmp_path / "bag", flush_interval_s=0.001) as writer:
+        clock = writer.add_topic("/clock", *message_schema("rosgraph_msgs/msg/Clock"), "")
+        for k in range(20_000):
+            writer.write(clock, serialization.serialize_message(Clock()), k, k)
+    with writer.mcap_path.open("rb") as stream:
+        chunk = make_reader(stream).get_summary().chunk_indexes[1]
+    data = bytearray(writer.mcap_path.read_bytes())
+    data[chunk.chunk_start_offset] = 0x7F  # a record of a kind that nobody knows, to be skipped
+    writer.mcap_path.write_bytes(data)
+    with pytest.raises(RecordingError, match="of 20000 messages") as error:
+        read_bag(tmp_path / "bag")
+    sentence(error)
+
+
+def test_registered_types_do_not_leak_between_bags(tmp_path):
+    """Two bags may define one type differently."""
+    for number, text in enumerate(("int32 a\n", "int32 b\n")):
+        with BagWriter(tmp_path / str(number)) as writer:
+            channel = writer.add_topic("/x", "own_msgs/msg/X", text, "RIHS01_0", "")
+            writer.write(channel, b"\x00\x01\x00\x00" + struct.pack("<i", number + 5), 1, 1)
+    assert read_bag(tmp_path / "0")["/x"].messages[0].a == 5
+    assert read_bag(tmp_path / "1")["/x"].messages[0].b == 6

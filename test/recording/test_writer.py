@@ -1,0 +1,312 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bag writer: what is in the files, when, and what is refused."""
+
+import contextlib
+import io
+import os
+import signal
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+from disk import Disk
+from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
+
+from bags import QOS, START_NS, STRING, Row, messages_in, metadata_of, sentence, text_message, write_bag
+from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.reader import read_bag
+from skydiver_utc.recording.writer import BagWriter
+
+DT_NS = 4_200_000
+PATIENCE_S = 20.0
+
+
+def streamed(data: bytes) -> list[Message]:
+    """The messages of a file without its end."""
+    messages = []
+    with contextlib.suppress(EndOfFile, struct.error):
+        for record in StreamReader(io.BytesIO(data)).records:
+            if isinstance(record, Message):
+                messages.append(record)
+    return messages
+
+
+def test_messages_times_and_sequence_numbers(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as bag:
+        first, second = bag.add_topic("/first", *STRING, ""), bag.add_topic("/second", *STRING, "")
+        for k in range(5):
+            bag.write(first, text_message(f"a{k}"), START_NS + k * DT_NS, START_NS + k * DT_NS - 7)
+        bag.write(second, text_message("b"), START_NS - 1, START_NS - 2)
+    messages = messages_in(bag.mcap_path)
+    assert [m.sequence for m in messages] == [0, 1, 2, 3, 4, 0]
+    assert [m.log_time for m in messages] == [*(START_NS + k * DT_NS for k in range(5)), START_NS - 1]
+    assert [m.log_time - m.publish_time for m in messages] == [7] * 5 + [1]
+    assert [m.data for m in messages[:2]] == [text_message("a0"), text_message("a1")]
+    assert [m.channel_id for m in messages] == [first] * 5 + [second]
+
+
+def test_schemas_and_channel_metadata(tmp_path: Path) -> None:
+    qos = yaml.safe_dump([QOS])
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic("/one", *STRING, qos)
+        bag.add_topic("/two", *STRING, qos)
+        bag.add_topic("/three", "pkg/msg/Other", "int32 x\n", "RIHS01_f", "")
+    with bag.mcap_path.open("rb") as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+    assert summary is not None
+    assert [(schema.name, schema.encoding) for schema in summary.schemas.values()] == [
+        ("std_msgs/msg/String", "ros2msg"),
+        ("pkg/msg/Other", "ros2msg"),
+    ]
+    channel = summary.channels[1]
+    assert (channel.topic, channel.message_encoding) == ("/one", "cdr")
+    assert channel.metadata == {"offered_qos_profiles": qos, "topic_type_hash": STRING[2]}
+
+
+def test_metadata_has_counts_times_qos_and_no_alias(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "run_1") as bag:
+        channel = bag.add_topic("/text", *STRING, yaml.safe_dump([QOS, QOS]))
+        bag.add_topic("/silent", *STRING, "")
+        for k in (3, 1, 2):
+            bag.write(channel, text_message(str(k)), START_NS + k * DT_NS, START_NS)
+    tokens = yaml.scan((bag.folder / "metadata.yaml").read_text())
+    assert not [token for token in tokens if isinstance(token, yaml.AliasToken | yaml.AnchorToken)]
+    content = metadata_of(bag.folder)
+    assert content["version"] == 9
+    assert content["storage_identifier"] == "mcap"
+    assert content["relative_file_paths"] == ["run_1_0.mcap"]
+    assert content["message_count"] == content["files"][0]["message_count"] == 3
+    assert content["starting_time"] == {"nanoseconds_since_epoch": START_NS + DT_NS}
+    assert content["duration"] == {"nanoseconds": 2 * DT_NS}
+    text, silent = content["topics_with_message_count"]
+    assert (text["message_count"], silent["message_count"]) == (3, 0)
+    assert text["topic_metadata"]["offered_qos_profiles"] == [QOS, QOS]
+    assert text["topic_metadata"]["type_description_hash"] == STRING[2]
+    assert silent["topic_metadata"]["offered_qos_profiles"] == []
+    assert sorted(path.name for path in bag.folder.iterdir()) == ["metadata.yaml", "run_1_0.mcap"]
+
+
+def test_a_bag_without_messages_is_complete_and_its_parents_are_created(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bags" / "today" / "bag") as bag:
+        bag.add_topic("/text", *STRING, "")
+    assert messages_in(bag.mcap_path) == []
+    content = metadata_of(bag.folder)
+    assert (content["message_count"], content["duration"]) == (0, {"nanoseconds": 0})
+
+
+@pytest.mark.parametrize("name", ["folder", "file", "file/bag"])
+def test_a_folder_that_cannot_be_created_is_refused(tmp_path: Path, name: str) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").touch()
+    with pytest.raises(RecordingError, match=name) as error:
+        BagWriter(tmp_path / name)
+    sentence(error)
+    assert list((tmp_path / "folder").iterdir()) == []
+
+
+@pytest.mark.parametrize("interval", [0.0, -1.0, float("nan")])
+def test_impossible_flush_interval(tmp_path: Path, interval: float) -> None:
+    with pytest.raises(RecordingError, match="flush interval"):
+        BagWriter(tmp_path / "bag", flush_interval_s=interval)
+    assert not (tmp_path / "bag").exists()
+
+
+def test_wrong_calls_are_refused_and_change_nothing(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as bag:
+        channel = bag.add_topic("/text", *STRING, "")
+        with pytest.raises(RecordingError, match="/text"):
+            bag.add_topic("/text", *STRING, "")
+        for qos in ("just text", "{a: 1}", "[1, 2]", "[unclosed"):
+            with pytest.raises(RecordingError, match="QoS profiles") as error:
+                bag.add_topic("/other", *STRING, qos)
+            sentence(error)
+        for wrong in (0, 2, -1):
+            with pytest.raises(RecordingError, match="channel"):
+                bag.write(wrong, b"", START_NS, START_NS)
+        for times in ((-1, 0), (0, -1), (2**63, 0)):
+            with pytest.raises(RecordingError, match="times") as error:
+                bag.write(channel, b"", *times)
+            sentence(error)
+        with pytest.raises(TypeError):
+            bag.write(channel, b"", 1.5, 0)  # type: ignore[arg-type]
+        bag.write(channel, text_message("good"), START_NS, START_NS)
+    assert len(messages_in(bag.mcap_path)) == 1
+    assert len(metadata_of(bag.folder)["topics_with_message_count"]) == 1
+
+
+def test_close_twice_and_calls_after_close(tmp_path: Path) -> None:
+    bag = BagWriter(tmp_path / "bag")
+    channel = bag.add_topic("/text", *STRING, "")
+    bag.write(channel, text_message("x"), START_NS, START_NS)
+    bag.close()
+    content = bag.mcap_path.read_bytes(), (bag.folder / "metadata.yaml").read_bytes()
+    bag.close()
+    with pytest.raises(RecordingError, match="closed"):
+        bag.write(channel, b"", 0, 0)
+    with pytest.raises(RecordingError, match="closed"):
+        bag.add_topic("/late", *STRING, "")
+    assert (bag.mcap_path.read_bytes(), (bag.folder / "metadata.yaml").read_bytes()) == content
+
+
+def test_the_caller_may_reuse_its_buffer(tmp_path: Path) -> None:
+    buffer = bytearray(text_message("first"))
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write(bag.add_topic("/text", *STRING, ""), buffer, START_NS, START_NS)  # type: ignore[arg-type]
+        buffer[:] = text_message("other")
+    assert messages_in(bag.mcap_path)[0].data == text_message("first")
+
+
+def test_flushed_messages_are_in_the_file_before_close(tmp_path: Path) -> None:
+    bag = BagWriter(tmp_path / "bag", flush_interval_s=0.02)
+    try:
+        channel = bag.add_topic("/text", *STRING, "")
+        for batch in (1, 2):
+            for k in range(100):
+                bag.write(channel, text_message(f"{batch} {k}"), START_NS + k, START_NS)
+            deadline = time.monotonic() + PATIENCE_S
+            while len(messages := streamed(bag.mcap_path.read_bytes())) < 100 * batch:
+                assert time.monotonic() < deadline, f"only {len(messages)} messages in the file"
+                time.sleep(0.01)
+            assert messages[-1].data == text_message(f"{batch} 99")
+        assert not (bag.folder / "metadata.yaml").exists()
+    finally:
+        bag.close()
+    assert len(messages_in(bag.mcap_path)) == 200
+
+
+@pytest.mark.parametrize("delay_s", [0.003, 0.011, 0.023, 0.051])
+def test_a_signal_at_any_instruction_leaves_complete_records(tmp_path: Path, delay_s: float) -> None:
+    interrupted = False
+
+    def interrupt(_number: int, _frame: object) -> None:
+        nonlocal interrupted
+        interrupted = True  # the exception is lost if the signal comes inside a garbage collector's callback
+        raise KeyboardInterrupt
+
+    returned = 0
+    previous = signal.signal(signal.SIGALRM, interrupt)
+    bag = BagWriter(tmp_path / "bag", flush_interval_s=0.001)
+    try:
+        channel = bag.add_topic("/text", *STRING, "")
+        signal.setitimer(signal.ITIMER_REAL, delay_s)
+        while not interrupted:
+            bag.write(channel, text_message(str(returned)), START_NS + returned, START_NS)
+            returned += 1
+    except KeyboardInterrupt:
+        pass
+    finally:
+        signal.signal(signal.SIGALRM, previous)
+        bag.close()
+    messages = messages_in(bag.mcap_path)
+    assert returned <= len(messages) <= returned + 1
+    assert [m.data for m in messages[:returned]] == [text_message(str(k)) for k in range(returned)]
+    assert metadata_of(bag.folder)["message_count"] == len(messages)
+
+
+CHILD = """
+import os, signal, sys, time
+from pathlib import Path
+sys.path[:0] = {path!r}
+from bags import STRING, text_message
+from skydiver_utc.recording.writer import BagWriter
+bag = BagWriter(Path({folder!r}), flush_interval_s=0.1)
+channel = bag.add_topic("/text", *STRING, "")
+for k in range(50):
+    bag.write(channel, text_message(str(k)), k, k)
+{end}
+"""
+
+
+def run_child(folder: Path, end: str) -> "subprocess.CompletedProcess[str]":
+    code = CHILD.format(path=sys.path, folder=str(folder), end=end)
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+
+
+def test_a_killed_process_loses_only_unflushed_messages(tmp_path: Path) -> None:
+    end = "while bag.waiting_bytes: time.sleep(0.01)\nos.kill(os.getpid(), signal.SIGKILL)"
+    result = run_child(tmp_path / "bag", end)
+    assert result.returncode == -signal.SIGKILL, result.stderr
+    assert [path.name for path in (tmp_path / "bag").iterdir()] == ["bag_0.mcap"]
+    data = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
+    assert [message.log_time for message in streamed(data)] == list(range(50))
+
+
+def test_a_process_that_ends_without_close_leaves_a_complete_bag(tmp_path: Path) -> None:
+    result = run_child(tmp_path / "bag", "sys.exit(3)")
+    assert result.returncode == 3, result.stderr
+    assert len(messages_in(tmp_path / "bag" / "bag_0.mcap")) == 50
+    assert (tmp_path / "bag" / "metadata.yaml").is_file()
+
+
+def test_a_full_disk_is_raised_once_and_the_bag_stays_unfinished(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Disk(monkeypatch, room=2000)
+    bag = BagWriter(tmp_path / "bag", flush_interval_s=0.01)
+    channel = bag.add_topic("/text", *STRING, "")
+
+    def record() -> None:
+        deadline = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline:
+            bag.write(channel, os.urandom(100), START_NS, START_NS)
+            time.sleep(0.002)
+
+    with pytest.raises(RecordingError, match="No space left") as error:
+        record()
+    assert "skydiver-utc recover" in sentence(error)
+    bag.close()
+    assert not (bag.folder / "metadata.yaml").exists()
+
+
+def test_a_full_disk_at_the_end_is_raised_by_close(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk = Disk(monkeypatch)
+    bag = BagWriter(tmp_path / "bag", flush_interval_s=100.0)
+    bag.write(bag.add_topic("/text", *STRING, ""), b"", START_NS, START_NS)
+    disk.room = 0
+    with pytest.raises(RecordingError, match="No space left"):
+        bag.close()
+    bag.close()
+
+
+def test_messages_wait_for_a_slow_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk = Disk(monkeypatch)
+    with BagWriter(tmp_path / "bag", 0.01) as bag:
+        channel = bag.add_topic("/text", *STRING, "")
+        disk.blocked = True
+        assert all(bag.write(channel, text_message(str(k)), k, k) for k in range(1, 1000))
+        assert bag.waiting_bytes > 0
+        disk.blocked = False
+    assert (bag.dropped, bag.waiting_bytes, bag.behind_s) == (0, 0, 0.0)
+    assert len(read_bag(tmp_path / "bag")["/text"]) == 999
+
+
+def test_messages_beyond_the_limit_of_the_queue_are_dropped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = Disk(monkeypatch)
+    with BagWriter(tmp_path / "bag", 0.01, queue_limit_bytes=1000) as bag:
+        channel = bag.add_topic("/text", *STRING, "")
+        disk.blocked = True
+        written = [bag.write(channel, bytes(100), k, k) for k in range(20)]
+        disk.blocked = False
+    assert 10 <= sum(written) < 20
+    assert bag.dropped == 20 - sum(written)
+    assert len(read_bag(tmp_path / "bag")["/text"]) == sum(written)
+
+
+def test_a_written_bag_is_read_back(tmp_path: Path) -> None:
+    rows = [Row(f"/{k % 3}", START_NS + k, k, text_message(str(k))) for k in range(30)]
+    recorded = read_bag(write_bag(tmp_path / "bag", rows))
+    for name, topic in recorded.items():
+        own = [row for row in rows if row.topic == name]
+        assert topic.cdr == [row.cdr for row in own]
+        assert topic.publish_times_ns.tolist() == [row.publish_time for row in own]

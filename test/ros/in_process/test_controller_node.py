@@ -1,0 +1,342 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controller node: what it answers, where it begins, and its live parameters."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from own_slots import CART, Cart, Proportional, cart_file
+from rcl_interfaces.srv import ListParameters, SetParameters
+from rclpy.parameter import Parameter
+from ros_fixtures import Partner, Ros
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from skydiver_utc.loop.registry import build_reference
+from skydiver_utc.messages import fill_named, fill_preview, read_named
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.controller_node import ControllerNode
+from skydiver_utc.nodes.diagnostics import Level
+from skydiver_utc.parameters import ParameterError, load_scenario
+from skydiver_utc.parameters.nodes import resolve
+
+pytest_plugins = ("ros_fixtures",)
+
+STATE = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
+POSITIONS = np.array([[0.1, 0.0], [0.2, 0.5], [-0.1, 1.0], [0.3, -1.0], [0.0, 0.0], [0.5, 0.5]])
+
+
+class Stage:
+    """A controller of the cart, and partners that play plant and reference."""
+
+    def __init__(self, ros: Ros, folder: Path, **settings: object) -> None:
+        self.ros = ros
+        self.node: ControllerNode = ros.add(
+            ControllerNode(ros.context, {"scenario": cart_file(folder), **settings})
+        )
+        self.partner: Partner = ros.partner("own_plant")
+        self.states = self.partner.publisher(STATE)
+        self.previews = self.partner.publisher(topics.REFERENCE_PREVIEW)
+        command = topics.COMMAND_TYPES[str(settings.get("command_message", "joint_state"))]
+        self.commands = self.partner.receive(topics.COMMAND.of_type(command))
+        self.telemetry = self.partner.receive(topics.TELEMETRY)
+        self.changes = self.partner.receive(topics.CHANGES)
+        self.preview = build_reference(self.node.scenario).preview
+
+    def send_preview(self, k0: int = 0, count: int = 200) -> None:
+        points = [JointTrajectoryPoint() for _ in range(count)]
+        message = JointTrajectory(joint_names=["position"], points=points)
+        self.previews.publish(fill_preview(message, self.node.grid, k0, self.preview(k0, count)))
+
+    def ready(self) -> "Stage":
+        """Send the reference and wait until the node is subscribed to the state."""
+        self.send_preview()
+        self.ros.spin_until(self.states.get_subscription_count)
+        return self
+
+    def state(self, k: int, values: Any = None) -> Any:
+        message = STATE.type(name=["position", "speed"])
+        self.node.grid.set_stamp(message.header.stamp, k)
+        return fill_named(message, POSITIONS[k % 6] if values is None else np.array(values))
+
+    def send(self, *steps: int) -> None:
+        for k in steps:
+            self.states.publish(self.state(k))
+
+    def send_applied(self, k: int, force: float) -> None:
+        message = topics.APPLIED_COMMAND.type(name=["brake", "force"], position=[0.1, force])
+        self.node.grid.set_stamp(message.header.stamp, k)
+        self.partner.publisher(topics.APPLIED_COMMAND).publish(message)
+
+    def answers(self, count: int) -> list[int]:
+        """The steps of the commands, once there are so many."""
+        self.ros.spin_until(lambda: len(self.commands) >= count)
+        return [self.node.grid.step_of(message.header.stamp) for message in self.commands]
+
+    def control(self, i: int = -1) -> Any:
+        return read_named(self.commands[i], Cart.control_names)
+
+    def decided(self, *steps: int, start: Any = None, gain: float = 3.0) -> Any:
+        """What the law itself answers at these steps in a row, the last one."""
+        law = Proportional(
+            Proportional.Settings(kind="x", gain=gain), Cart(None, 0.01), ("position",), 0.01, 0
+        )  # type: ignore[arg-type]
+        if start is not None:
+            law.resume(start)
+        for k in steps:
+            decision = law.decide(POSITIONS[k % 6], self.preview(k, 4))
+        return decision.control
+
+
+@pytest.fixture
+def stage(ros: Ros, tmp_path: Path) -> Stage:
+    return Stage(ros, tmp_path)
+
+
+def test_each_state_is_answered_with_its_stamp_and_telemetry(stage: Stage) -> None:
+    stage.ready()
+    for k in range(4):
+        stage.send(k)
+        assert stage.answers(k + 1) == list(range(k + 1))
+        assert stage.control().tobytes() == stage.decided(*range(k + 1)).tobytes()
+    stage.ros.spin_until(lambda: len(stage.telemetry) == 4)
+    error, solve_time_s, status = read_named(stage.telemetry[3], ("error", "solve_time", "status"))
+    assert error == stage.preview(3, 1)[0, 0] - POSITIONS[3, 0]
+    assert 0.0 < solve_time_s < 10.0
+    assert status == 0
+    assert not stage.changes
+
+
+def test_it_subscribes_to_the_state_only_when_it_can_answer(stage: Stage) -> None:
+    stage.send_preview(0, 3)  # one decision takes 4
+    stage.ros.spin_for(0.2)
+    assert stage.states.get_subscription_count() == 0
+    stage.ready()
+
+
+def test_a_state_waits_for_its_reference(stage: Stage) -> None:
+    stage.send_preview(0, 10)
+    stage.ros.spin_until(stage.states.get_subscription_count)
+    stage.send(30)
+    stage.ros.spin_until(lambda: "reference of step 30" in stage.node.health().sentence)
+    stage.send_preview(20)
+    assert stage.answers(1) == [30]
+
+
+def test_a_retransmitted_state_is_answered_again_without_deciding_again(stage: Stage) -> None:
+    stage.ready().send(0)
+    stage.answers(1)
+    stage.send(0)
+    assert stage.answers(2) == [0, 0]
+    assert stage.commands[0] == stage.commands[1]
+    assert stage.node.refusals.counts["repeated"] == 1
+
+
+def test_an_older_state_is_refused_and_a_new_step_0_begins_a_new_run(stage: Stage) -> None:
+    stage.ready().send(0, 1, 2)
+    stage.answers(3)
+    stage.send(1)
+    stage.ros.spin_until(lambda: stage.node.refusals.counts["older"] == 1)
+    stage.send(0)
+    assert stage.answers(4) == [0, 1, 2, 0]
+    assert stage.commands[3] == stage.commands[0]
+
+
+def test_the_last_state_needs_no_answer(stage: Stage) -> None:
+    stage.ready().send(49, 50)
+    stage.answers(1)
+    stage.ros.spin_for(0.2)
+    assert stage.answers(1) == [49]
+
+
+def without_a_name(message: Any) -> None:
+    message.name[0] = "height"
+
+
+def not_finite(message: Any) -> None:
+    message.position[1] = float("nan")
+
+
+def off_the_grid(message: Any) -> None:
+    message.header.stamp.nanosec += 1
+
+
+def beyond_the_model(message: Any) -> None:
+    message.position[0] = 1e3
+
+
+@pytest.mark.parametrize(
+    ("kind", "edit"),
+    [("names", without_a_name), ("finite", not_finite), ("stamp", off_the_grid), ("model", beyond_the_model)],
+)
+def test_a_state_that_cannot_be_used_is_counted_and_the_next_one_answered(
+    stage: Stage, kind: str, edit: Callable[[Any], None]
+) -> None:
+    stage.ready()
+    message = stage.state(0)
+    edit(message)
+    stage.states.publish(message)
+    stage.ros.spin_until(lambda: stage.node.refusals.counts[kind] == 1)
+    stage.send(0)
+    assert stage.answers(1) == [0]
+
+
+def test_a_controller_that_comes_into_a_run_begins_from_the_newest_applied_command(stage: Stage) -> None:
+    applied = stage.partner.publisher(topics.APPLIED_COMMAND)
+    stage.ready()
+    stage.ros.spin_until(applied.get_subscription_count)
+    stage.send(20)
+    stage.ros.spin_until(lambda: "applied command" in stage.node.health().sentence)
+    stage.send_applied(19, 2.5)
+    assert stage.answers(1) == [20]
+    wanted = stage.decided(20, start=(2.5, 0.1))
+    assert stage.control().tobytes() == wanted.tobytes() != stage.decided(20).tobytes()
+    stage.ros.spin_until(lambda: stage.changes)
+    assert json.loads(stage.changes[0].data) == {
+        "node": "controller", "step": 20, "parameters": {}, "control": [2.5, 0.1],
+    }  # fmt: skip
+
+
+def test_without_applied_commands_it_begins_from_the_initial_control(stage: Stage) -> None:
+    stage.ready().send(20)
+    assert stage.answers(1) == [20]
+    assert stage.control().tobytes() == stage.decided(20).tobytes()
+
+
+def test_what_was_given_to_it_and_not_to_the_plant_is_recorded(ros: Ros, tmp_path: Path) -> None:
+    stage = Stage(ros, tmp_path, **{"controller.gain": 4.0, "delay_steps": 2})
+    text = (tmp_path / "cart.yaml").read_text()
+    stage.partner.publisher(topics.SCENARIO).publish(topics.SCENARIO.type(data=text))
+    stage.ready().send(0)
+    ros.spin_until(lambda: stage.changes)
+    ros.spin_until(lambda: "controller.gain" in json.loads(stage.changes[-1].data)["parameters"])
+    found = json.loads(stage.changes[-1].data)
+    assert found["parameters"] == {"controller.gain": 4.0, "delay_steps": 2}
+    assert (found["step"], found["control"]) == (0, None)
+
+
+class Client:
+    """Sets parameters of the controller, as `ros2 param` does."""
+
+    def __init__(self, stage: Stage) -> None:
+        self._ros, self._partner = stage.ros, stage.partner
+
+    def call(self, service: str, kind: Any, **fields: Any) -> Any:
+        client = self._partner.create_client(kind, f"controller/{service}")
+        self._ros.spin_until(client.service_is_ready)
+        future = client.call_async(kind.Request(**fields))
+        self._ros.spin_until(future.done)
+        return future.result()
+
+    def set(self, **values: Any) -> Any:
+        named = {name.replace("__", "."): value for name, value in values.items()}
+        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in named.items()]
+        return self.call("set_parameters", SetParameters, parameters=parameters).results
+
+
+def test_a_setting_of_the_controller_changes_at_the_next_decision_and_is_recorded(stage: Stage) -> None:
+    stage.ready().send(0, 1)
+    stage.answers(2)
+    before = stage.control()
+    assert Client(stage).set(controller__gain=6.0)[0].successful
+    stage.send(2)
+    stage.answers(3)
+    assert stage.control().tobytes() == stage.decided(2, start=before, gain=6.0).tobytes()
+    stage.ros.spin_until(lambda: stage.changes)
+    assert json.loads(stage.changes[0].data) == {
+        "node": "controller", "step": 2, "parameters": {"controller.gain": 6.0}, "control": before.tolist(),
+    }  # fmt: skip
+    assert stage.node.get_parameter("controller.gain").value == 6.0
+
+
+def test_what_was_set_before_a_run_counts_from_its_beginning(stage: Stage) -> None:
+    assert Client(stage).set(controller__gain=6.0)[0].successful
+    stage.ready().send(0)
+    stage.answers(1)
+    assert stage.control().tobytes() == stage.decided(0, gain=6.0).tobytes()
+    stage.ros.spin_until(lambda: stage.changes)
+    assert json.loads(stage.changes[0].data)["control"] is None
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "word"),
+    [
+        ("controller__gain", -1.0, "gain"),
+        ("controller__gain", float("nan"), "gain"),
+        ("controller__gain", "much", "type"),
+        ("controller__gian", 1.0, "gian"),
+        ("duration_s", 1.0, "duration_s"),
+        ("mode", "real_time", "mode"),
+        ("reference__amplitude", 1.0, "amplitude"),
+    ],
+)
+def test_what_cannot_be_set_is_refused_by_name_and_changes_nothing(
+    stage: Stage, name: str, value: object, word: str
+) -> None:
+    result = Client(stage).set(**{name: value})[0]
+    assert not result.successful
+    assert word in result.reason
+    stage.ready().send(0)
+    stage.answers(1)
+    assert stage.control().tobytes() == stage.decided(0).tobytes()
+
+
+def test_every_scalar_and_no_prose_is_a_parameter(stage: Stage) -> None:
+    names = set(Client(stage).call("list_parameters", ListParameters).result.names)
+    assert {"mode", "duration_s", "controller.gain", "reference.frequency_hz"} <= names
+    assert not {"title", "description", "name"} & names
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "word"),
+    [
+        ("plant", {"moed": "lockstep"}, "mode"),
+        ("plant", {"controller.gian": 1.0}, "controller.gain"),
+        ("plant", {"mode": "vehicle"}, "lockstep, real_time"),
+        ("plant", {"command_retries": 1.5}, "command_retries"),
+        ("reference", {"chunk_steps": 0}, "chunk_steps"),
+        ("controller", {"delay_steps": -1}, "delay_steps"),
+        ("controller", {"controller.gain": "high"}, "controller.gain"),
+        ("recorder", {"folder": "x"}, "folder"),
+    ],
+)
+def test_a_bad_parameter_is_refused_by_name(
+    tmp_path: Path, kind: str, given: dict[str, object], word: str
+) -> None:
+    with pytest.raises(ParameterError) as refused:
+        resolve(kind, {"scenario": cart_file(tmp_path)} | given)
+    assert word in str(refused.value)
+
+
+def test_parameters_at_the_start_are_merged_into_the_scenario(tmp_path: Path) -> None:
+    path = cart_file(tmp_path)
+    found = resolve(
+        "plant", {"scenario": path, "controller.gain": 7, "startup_timeout_s": 3, "use_sim_time": True}
+    )
+    assert found.scenario == load_scenario(path, {"controller.gain": 7.0})
+    assert found.changes == {"controller.gain": 7}
+    assert found.settings.startup_timeout_s == 3.0  # type: ignore[attr-defined]
+
+
+def test_a_twist_needs_a_component_for_each_control(ros: Ros, tmp_path: Path) -> None:
+    given = {"scenario": cart_file(tmp_path), "command_message": "twist"}
+    for components in ([], ["linear.x"], ["linear.x", "linear.w"]):
+        with pytest.raises(ParameterError, match="command_components"):
+            ControllerNode(ros.context, given | {"command_components": components})
+
+
+def test_no_new_state_is_a_warning(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    stage.ready().send(0)
+    stage.answers(1)
+    assert stage.node.health().level is Level.OK
+    monkeypatch.setattr("skydiver_utc.nodes.controller_node._PATIENCE_S", 0.0)
+    assert stage.node.health().level is Level.WARN
+
+
+def test_a_scenario_that_cannot_be_read_is_counted(stage: Stage) -> None:
+    for text in ("", "plant: {", CART.replace("cart", "other").replace("own_slots:Cart", "nowhere:Cart")):
+        stage.partner.publisher(topics.SCENARIO).publish(topics.SCENARIO.type(data=text))
+        stage.ros.spin_for(0.02)
+    stage.ros.spin_until(lambda: stage.node.refusals.counts["scenario"])

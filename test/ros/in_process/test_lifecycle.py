@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lifecycle: what each transition does, called as `ros2 lifecycle` calls it; and the diagnostics."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
+from own_slots import cart_file
+from ros_fixtures import Ros
+
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.messages import read_named, read_outcome
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.controller_node import ControllerNode
+from skydiver_utc.nodes.plant_node import PlantNode
+from skydiver_utc.nodes.reference_node import ReferenceNode
+from skydiver_utc.parameters import ParameterError, load_scenario
+
+pytest_plugins = ("ros_fixtures",)
+
+CONFIGURE, CLEANUP = Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_CLEANUP
+ACTIVATE, DEACTIVATE = Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_DEACTIVATE
+SHUTDOWN_UNCONFIGURED = Transition.TRANSITION_UNCONFIGURED_SHUTDOWN
+SHUTDOWN_ACTIVE = Transition.TRANSITION_ACTIVE_SHUTDOWN
+KINDS: dict[str, Any] = {"plant": PlantNode, "controller": ControllerNode, "reference": ReferenceNode}
+STATE = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
+
+
+class Manager:
+    """Calls a node's services from another node."""
+
+    def __init__(self, ros: Ros, kind: str) -> None:
+        self._ros = ros
+        self._partner = ros.partner(f"manager_of_{kind}")
+        self._node = f"/skydiver/{kind}"
+        self._clients: dict[str, Any] = {}
+
+    def call(self, service: str, kind: Any, **fields: Any) -> Any:
+        if service not in self._clients:
+            self._clients[service] = self._partner.create_client(kind, f"{self._node}/{service}")
+            self._ros.spin_until(self._clients[service].service_is_ready)
+        future = self._clients[service].call_async(kind.Request(**fields))
+        self._ros.spin_until(future.done)
+        return future.result()
+
+    def state(self) -> str:
+        return str(self.call("get_state", GetState).current_state.label)
+
+    def transition(self, number: int) -> bool:
+        return bool(self.call("change_state", ChangeState, transition=Transition(id=number)).success)
+
+    def transitions(self) -> set[str]:
+        response = self.call("get_available_transitions", GetAvailableTransitions)
+        return {description.transition.label for description in response.available_transitions}
+
+
+class Stage:
+    """Nodes of one run, and what a spectator receives of it."""
+
+    def __init__(self, ros: Ros, folder: Path, **settings: object) -> None:
+        self.ros = ros
+        self.given = {"scenario": cart_file(folder), **settings}
+        self.spectator = ros.partner("spectator")
+        self.states = self.spectator.receive(STATE)
+        self.outcomes = self.spectator.receive(topics.OUTCOME)
+
+    def add(self, kind: str, **settings: object) -> Any:
+        return self.ros.add(KINDS[kind](self.ros.context, self.given | settings))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_transition_is_answered_and_leads_where_it_should(ros: Ros, tmp_path: Path, kind: str) -> None:
+    node = Stage(ros, tmp_path).add(kind, autostart=False)
+    manager = Manager(ros, kind)
+    assert manager.state() == "unconfigured"
+    assert manager.transitions() == {"configure", "shutdown"}
+    for number, state in ((CONFIGURE, "inactive"), (ACTIVATE, "active"), (DEACTIVATE, "inactive")):
+        assert manager.transition(number)
+        assert manager.state() == state
+    assert manager.transition(CLEANUP)
+    assert not node.finished
+    assert manager.transition(SHUTDOWN_UNCONFIGURED)
+    assert manager.state() == "finalized"
+    assert node.finished
+    assert node.close() == 0
+
+
+def test_a_request_that_makes_no_sense_is_answered_and_the_node_lives(ros: Ros, tmp_path: Path) -> None:
+    Stage(ros, tmp_path).add("controller", autostart=False)
+    manager = Manager(ros, "controller")
+    for number in (ACTIVATE, DEACTIVATE, CLEANUP, 200):
+        assert not manager.transition(number)
+    assert not manager.call("change_state", ChangeState, transition=Transition(label="jump")).success
+    assert manager.transition(CONFIGURE)
+
+
+def test_nodes_that_are_managed_run_twice_in_whatever_order(ros: Ros, tmp_path: Path) -> None:
+    stage = Stage(ros, tmp_path, autostart=False)
+    nodes = {kind: stage.add(kind) for kind in ("plant", "controller", "reference")}
+    managers = {kind: Manager(ros, kind) for kind in nodes}
+    wanted = simulate(load_scenario(str(stage.given["scenario"])))
+    run_ids = set()
+    for number in (1, 2):
+        for transition in (CONFIGURE, ACTIVATE):
+            assert all(manager.transition(transition) for manager in managers.values())
+        ros.spin_until(
+            lambda number=number: len(stage.outcomes) == number and len(stage.states) >= 51 * number
+        )
+        states = [read_named(m, wanted.plant.state_names) for m in stage.states[-51:]]
+        assert np.array(states).tobytes() == wanted.states.tobytes()
+        run_ids.add(read_outcome(stage.outcomes[-1].data)["run_id"])
+        assert not managers["plant"].transition(ACTIVATE)
+        for transition in (DEACTIVATE, CLEANUP):
+            assert all(manager.transition(transition) for manager in managers.values())
+    assert len(run_ids) == 2
+    assert not any(node.finished for node in nodes.values())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_run_that_pauses_goes_on_with_the_same_bits(ros: Ros, tmp_path: Path, kind: str) -> None:
+    """Also where the controller or the reference pauses; nobody gives up meanwhile."""
+    stage = Stage(ros, tmp_path)
+    nodes = {each: stage.add(each) for each in ("reference", "controller")}
+    nodes["plant"] = plant = stage.add("plant", command_timeout_s=0.2, command_retries=1000)
+    ros.spin_until(lambda: plant.k >= 5)
+    manager = Manager(ros, kind)
+    assert manager.transition(DEACTIVATE)
+    k, retransmitted = plant.k, plant.retransmitted
+    if kind == "plant":
+        ros.spin_for(0.6)
+        assert (plant.k, plant.retransmitted) == (k, retransmitted)
+    elif kind == "controller":
+        ros.spin_until(lambda: plant.retransmitted >= 2)
+    assert manager.transition(ACTIVATE)
+    ros.spin_until(lambda: plant.done)
+    wanted = simulate(load_scenario(str(stage.given["scenario"])))
+    ros.spin_until(lambda: len(stage.states) == 51 + plant.retransmitted)
+    by_step = {
+        plant.grid.step_of(m.header.stamp): read_named(m, wanted.plant.state_names) for m in stage.states
+    }
+    assert np.array([by_step[i] for i in range(51)]).tobytes() == wanted.states.tobytes()
+
+
+def test_a_command_that_comes_in_a_pause_is_used_after_it(ros: Ros, tmp_path: Path) -> None:
+    stage = Stage(ros, tmp_path, command_timeout_s=50.0)
+    plant = stage.add("plant")
+    partner = ros.partner("own_controller")
+    commands = partner.publisher(topics.COMMAND)
+    partner.receive(STATE)
+    ros.spin_until(lambda: plant.k == 0)
+    manager = Manager(ros, "plant")
+    assert manager.transition(DEACTIVATE)
+    message = topics.COMMAND.type(name=["force", "brake"], position=[1.0, 0.0])
+    plant.grid.set_stamp(message.header.stamp, 0)
+    commands.publish(message)
+    commands.publish(message)
+    ros.spin_until(lambda: plant.refusals.counts["repeated"] == 1)
+    assert plant.k == 0
+    assert manager.transition(ACTIVATE)
+    assert plant.k == 1
+
+
+@pytest.mark.parametrize("pause", [False, True])
+def test_a_run_that_is_shut_down_or_cleaned_up_is_aborted(ros: Ros, tmp_path: Path, pause: bool) -> None:
+    stage = Stage(ros, tmp_path, command_timeout_s=50.0)
+    plant = stage.add("plant")
+    partner = ros.partner("own_controller")
+    partner.publisher(topics.COMMAND)
+    partner.receive(STATE)
+    ros.spin_until(lambda: plant.k == 0)
+    manager = Manager(ros, "plant")
+    transitions = (DEACTIVATE, CLEANUP) if pause else (SHUTDOWN_ACTIVE,)
+    assert all(manager.transition(number) for number in transitions)
+    ros.spin_until(lambda: stage.outcomes)
+    assert read_outcome(stage.outcomes[0].data)["outcome"] == Outcome.ABORTED.value
+
+
+def test_an_error_of_the_program_finalizes_the_node(
+    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = Stage(ros, tmp_path).add("reference", autostart=False)
+
+    def fail() -> None:
+        raise ArithmeticError("not foreseen")
+
+    monkeypatch.setattr(node, "configure", fail)
+    manager = Manager(ros, "reference")
+    assert not manager.transition(CONFIGURE)
+    assert manager.state() == "finalized"
+    assert node.finished
+
+
+def test_a_refused_node_leaves_nothing_behind(ros: Ros, tmp_path: Path) -> None:
+    partner = ros.partner()
+    with pytest.raises(ParameterError):
+        PlantNode(ros.context, {"scenario": cart_file(tmp_path), "mode": "fast"})
+    ros.spin_until(lambda: "plant" not in partner.get_node_names())
+
+
+def test_every_node_publishes_how_it_is_once_a_second(ros: Ros, tmp_path: Path) -> None:
+    stage = Stage(ros, tmp_path)
+    messages = stage.spectator.receive(topics.DIAGNOSTICS)
+    stage.add("reference", autostart=False)
+    plant = stage.add("plant")
+    stage.spectator.publisher(topics.COMMAND).publish(topics.COMMAND.type(name=["force"]))
+
+    def statuses(name: str) -> list[Any]:
+        return [
+            status for message in messages for status in message.status if status.name == f"skydiver/{name}"
+        ]
+
+    ros.spin_until(lambda: len(statuses("plant")) >= 2 and statuses("reference"))
+    values = {pair.key: pair.value for pair in statuses("plant")[-1].values}
+    assert {"step", "lifecycle", "cpu_percent", "memory_MB", "last_refusal"} <= set(values)
+    assert (values["step"], values["lifecycle"]) == (str(plant.k), "active")
+    assert float(values["memory_MB"]) > 1.0
+    values = {pair.key: pair.value for pair in statuses("reference")[-1].values}
+    assert values["lifecycle"] == "unconfigured"
+    assert plant.grid.step_of(messages[0].header.stamp) == 0
+
+
+def test_what_a_node_refused_is_in_its_diagnostics(ros: Ros, tmp_path: Path) -> None:
+    stage = Stage(ros, tmp_path)
+    messages = stage.spectator.receive(topics.DIAGNOSTICS)
+    reference = stage.add("reference")
+    clocks = stage.spectator.publisher(topics.CLOCK)
+    ros.spin_until(clocks.get_subscription_count)
+    clocks.publish(topics.CLOCK.type())
+    ros.spin_until(lambda: reference.refusals.counts["stamp"] == 1)
+    reference.publish_diagnostics()
+    ros.spin_until(
+        lambda: any(p.key == "refused_stamp" and p.value == "1" for m in messages for p in m.status[0].values)
+    )

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parameters of the nodes through their services: what `ros2 param dump` writes can be loaded again."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from own_slots import cart_file
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
+from ros_fixtures import Ros
+
+from skydiver_utc.nodes.controller_node import ControllerNode
+from skydiver_utc.nodes.node import ScenarioNode
+from skydiver_utc.nodes.plant_node import PlantNode
+from skydiver_utc.nodes.recorder_node import RecorderNode
+from skydiver_utc.nodes.reference_node import ReferenceNode
+
+pytest_plugins = ("ros_fixtures",)
+
+
+class Client:
+    """The parameter services of one node."""
+
+    def __init__(self, ros: Ros, node: ScenarioNode) -> None:
+        self._ros = ros
+        partner = ros.partner("ros2_param")
+        self._client = AsyncParameterClient(partner, f"/skydiver/{node.get_name()}")
+        ros.spin_until(self._client.services_are_ready)
+
+    def _result(self, future: Any) -> Any:
+        self._ros.spin_until(future.done)
+        return future.result()
+
+    def dump(self) -> dict[str, Any]:
+        """Name and value of each parameter, as they come back from YAML."""
+        names = list(self._result(self._client.list_parameters()).result.names)
+        values = self._result(self._client.get_parameters(names)).values
+        found = dict(zip(names, map(parameter_value_to_python, values), strict=True))
+        as_lists = {
+            name: v if isinstance(v, str) or not hasattr(v, "__len__") else list(v)
+            for name, v in found.items()
+        }
+        loaded: dict[str, Any] = yaml.safe_load(yaml.safe_dump(as_lists))
+        return loaded
+
+    def load(self, values: dict[str, Any]) -> list[Any]:
+        """Set them, each on its own; the results in the same order."""
+        parameters = [Parameter(name, value=value) for name, value in values.items()]
+        return list(self._result(self._client.set_parameters(parameters)).results)
+
+
+@pytest.mark.parametrize("kind", [PlantNode, ReferenceNode, ControllerNode, RecorderNode])
+def test_a_dump_makes_the_same_node_again(ros: Ros, tmp_path: Path, kind: type[ScenarioNode]) -> None:
+    given = {"scenario": cart_file(tmp_path), "duration_s": 0.5, "autostart": False}
+    node: ScenarioNode = ros.add(kind(ros.context, given))
+    dumped = Client(ros, node).dump()
+    assert dumped["duration_s"] == 0.5
+    # `ros2 param load` reads each text as YAML once more.
+    texts = [value for value in dumped.values() if isinstance(value, str) and value]
+    assert [yaml.safe_load(text) for text in texts] == texts
+    ros.remove(node)
+    again: ScenarioNode = ros.add(kind(ros.context, dumped))
+    assert again.scenario == node.scenario
+    assert again.settings == node.settings
+
+
+def test_what_can_be_set_while_the_controller_runs_is_loaded(ros: Ros, tmp_path: Path) -> None:
+    node = ros.add(ControllerNode(ros.context, {"scenario": cart_file(tmp_path)}))
+    client = Client(ros, node)
+    dumped = client.dump()
+    live = {name: value for name, value in dumped.items() if node.is_live(name)}
+    assert live
+    results = client.load({**live, "duration_s": 1.0})
+    assert [result.successful for result in results] == [True] * len(live) + [False]
+    assert "duration_s" in results[-1].reason

@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The player node: a recording published again, byte for byte and in order, at any rate."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from own_slots import cart_file
+from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
+from recorded import Bag, assert_complete, assert_equals_simulation
+from ros_fixtures import Partner, Ros
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+
+from bags import Row, text_message
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.controller_node import ControllerNode
+from skydiver_utc.nodes.lifecycle import RefusedError
+from skydiver_utc.nodes.plant_node import PlantNode
+from skydiver_utc.nodes.player_node import PlayerNode
+from skydiver_utc.nodes.recorder_node import RecorderNode
+from skydiver_utc.nodes.reference_node import ReferenceNode
+from skydiver_utc.nodes.topics import RECORDED, STATE_TYPES, Topic, rosbag2_qos
+from skydiver_utc.parameters import ParameterError
+from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.reader import read_bag
+from skydiver_utc.recording.schemas import message_schema
+from skydiver_utc.recording.writer import BagWriter
+
+pytest_plugins = ("ros_fixtures",)
+
+DEPTH = 5000
+STATE = topics.STATE.of_type(STATE_TYPES["joint_state"])
+OF_CART = tuple(STATE if topic is topics.STATE else topic for topic in RECORDED)
+
+
+def record(ros: Ros, folder: Path) -> Path:
+    """A recorded run of the cart; its nodes are gone afterwards."""
+    given = {"scenario": cart_file(folder)}
+    recorder = ros.add(RecorderNode(ros.context, given | {"bag_folder": str(folder / "run")}))
+    waiting = given | {"wait_for_recorder": True}
+    nodes = [ros.add(ReferenceNode(ros.context, given)), ros.add(ControllerNode(ros.context, waiting))]
+    nodes.append(ros.add(PlantNode(ros.context, waiting)))
+    ros.spin_until(lambda: recorder.finished)
+    for node in (*nodes, recorder):
+        assert node.close() == 0
+        ros.remove(node)
+    probe = ros.partner("probe")
+    ros.spin_until(lambda: not probe.count_publishers(topics.CLOCK.name))
+    return folder / "run"
+
+
+class Audience:
+    """Receives topics as bytes, in order within each topic."""
+
+    def __init__(self, ros: Ros, subscribed: tuple[Topic, ...] = OF_CART) -> None:
+        self.partner: Partner = ros.partner("audience")
+        self.received: dict[str, list[bytes]] = {}
+        for topic in subscribed:
+            name = topic.name if topic.name.startswith("/") else f"/skydiver/{topic.name}"
+            messages = self.received.setdefault(name, [])
+            qos = QoSProfile(depth=DEPTH, reliability=topic.qos.reliability, durability=topic.qos.durability)
+            self.partner.create_subscription(topic.type, name, messages.append, qos, raw=True)
+
+    @property
+    def count(self) -> int:
+        return sum(map(len, self.received.values()))
+
+
+def player(ros: Ros, run: Path, **parameters: object) -> PlayerNode:
+    node: PlayerNode = ros.add(PlayerNode(ros.context, {"run": str(run), **parameters}))
+    return node
+
+
+def test_a_recorded_run_is_complete_and_equals_the_simulation(ros: Ros, tmp_path: Path) -> None:
+    bag = Bag(record(ros, tmp_path))
+    assert_complete(bag)
+    assert_equals_simulation(bag)
+
+
+@pytest.mark.parametrize("rate", [0.7, 1000.0])
+def test_every_message_comes_again_in_the_order_of_its_time_byte_for_byte(
+    ros: Ros, tmp_path: Path, rate: float
+) -> None:
+    run = record(ros, tmp_path)
+    audience = Audience(ros)
+    node = player(ros, run, rate=rate)
+    recorded = {
+        name: [topic.cdr[i] for i in np.argsort(topic.log_times_ns, kind="stable")]
+        for name, topic in read_bag(run).items()
+        if len(topic)
+    }
+    ros.spin_until(lambda: node.finished)
+    ros.spin_until(lambda: audience.count >= sum(map(len, recorded.values())))
+    assert {name: messages for name, messages in audience.received.items() if messages} == recorded
+    assert node.close() == 0
+
+
+def test_the_order_within_a_step_is_that_of_the_table(ros: Ros, tmp_path: Path) -> None:
+    node = player(ros, record(ros, tmp_path))
+    stamps = [item.log_time_ns for item in node.items]
+    assert stamps == sorted(stamps)
+    of_step = [item.topic for item in node.items if item.log_time_ns == stamps[len(stamps) // 2]]
+    places = [of_step.index(f"/skydiver/{name}") for name in ("state", "command", "applied_command")]
+    assert [of_step.index("/clock"), *places] == sorted([of_step.index("/clock"), *places])
+
+
+def test_latched_messages_are_latched_again(ros: Ros, tmp_path: Path) -> None:
+    run = record(ros, tmp_path)
+    node = player(ros, run, rate=1000.0, start_s=0.3)
+    ros.spin_until(lambda: node.finished)
+    late = Audience(ros, (topics.SCENARIO, topics.OUTCOME, topics.REFERENCE_PREVIEW, STATE))
+    recorded = read_bag(run)
+    latched = ("/skydiver/scenario", "/skydiver/outcome", "/skydiver/reference")
+    ros.spin_until(lambda: late.count >= sum(len(recorded[name]) for name in latched))
+    for name in latched:
+        assert late.received[name] == recorded[name].cdr
+    assert late.received["/skydiver/state"] == []
+
+
+def test_start_and_topics_choose_what_is_played(ros: Ros, tmp_path: Path) -> None:
+    run = record(ros, tmp_path)
+    audience = Audience(ros)
+    node = player(ros, run, rate=1000.0, start_s=0.2, topics=["state", "/skydiver/command"])
+    ros.spin_until(lambda: node.finished)
+    recorded = read_bag(run)
+    begin_ns = min(topic.log_times_ns.min() for topic in recorded.values() if len(topic)) + 200_000_000
+    expected = {
+        name: [
+            cdr
+            for cdr, log_time in zip(recorded[name].cdr, recorded[name].log_times_ns, strict=True)
+            if log_time >= begin_ns
+        ]
+        for name in ("/clock", "/skydiver/state", "/skydiver/command")
+    }
+    ros.spin_until(lambda: audience.count >= sum(map(len, expected.values())))
+    assert {name: messages for name, messages in audience.received.items() if messages} == expected
+
+
+def test_a_loop_begins_again(ros: Ros, tmp_path: Path) -> None:
+    run = record(ros, tmp_path)
+    audience = Audience(ros, (STATE,))
+    node = player(ros, run, rate=20.0, loop=True)
+    states = read_bag(run)["/skydiver/state"].cdr
+    ros.spin_until(lambda: audience.count > 2 * len(states))
+    assert not node.finished
+    assert audience.received["/skydiver/state"][: 2 * len(states)] == states * 2
+
+
+def text_bag(folder: Path) -> Path:
+    rows = [Row("/text", 10**18 + k * 10**7, 1, text_message(str(k))) for k in range(3)]
+    with BagWriter(folder) as bag:
+        channel = bag.add_topic("/text", *message_schema("std_msgs/msg/String"), "")
+        for row in rows:
+            bag.write(channel, row.cdr, row.log_time, row.publish_time)
+    return folder
+
+
+def test_a_recording_without_a_clock_gets_one(ros: Ros, tmp_path: Path) -> None:
+    audience = Audience(ros, ())
+    clocks: list[Clock] = []
+    audience.partner.create_subscription(Clock, "/clock", clocks.append, 10)
+    node = player(ros, text_bag(tmp_path / "bag"))
+    ros.spin_until(lambda: node.finished and len(clocks) == 3)
+    assert [clock.clock.nanosec for clock in clocks] == [0, 10_000_000, 20_000_000]
+
+
+def test_bytes_that_are_no_message_are_played_or_counted(ros: Ros, tmp_path: Path) -> None:
+    """On every topic a message between bytes that are none; only types of fixed length reject too many bytes."""
+    run = tmp_path / "run"
+    with BagWriter(run) as bag:
+        for number, topic in enumerate(OF_CART):
+            name = topic.name if topic.name.startswith("/") else f"/skydiver/{topic.name}"
+            offered = yaml.safe_dump([rosbag2_qos(topic.qos)])
+            channel = bag.add_topic(name, *message_schema(topic.type_name), offered)
+            for k, data in enumerate(
+                (b"", bytes(serialize_message(topic.type())), b"\0\1\0\0" + b"\xff" * 1000)
+            ):
+                bag.write(channel, data, 10**18 + k * 10**8 + number, 1)
+    audience = Audience(ros)
+    node = player(ros, run)
+    ros.spin_until(lambda: node.finished)
+    expected = {name: topic.cdr for name, topic in read_bag(run).items()}
+    expected["/clock"] = expected["/clock"][:2]
+    for topic in OF_CART:
+        if topic.qos.reliability != topics.EACH_STEP.reliability:
+            expected.pop(f"/skydiver/{topic.name}"), audience.received.pop(f"/skydiver/{topic.name}")
+    ros.spin_until(lambda: audience.count >= sum(map(len, expected.values())))
+    assert audience.received == expected
+    assert node.not_sent == {"/clock": 1}
+    assert node.close() == 0
+
+
+@pytest.mark.parametrize(
+    ("parameters", "word"),
+    [
+        ({"topics": ["/other"]}, "/other"),
+        ({"rate": 0.0}, "rate"),
+        ({"rate": float("nan")}, "rate"),
+        ({"start_s": 5.0}, "start"),
+        ({"rat": 5.0}, "rat"),
+    ],
+)
+def test_wrong_parameters_are_named(
+    ros: Ros, tmp_path: Path, parameters: dict[str, object], word: str
+) -> None:
+    with pytest.raises((ParameterError, RecordingError), match=word):
+        player(ros, text_bag(tmp_path / "bag"), **parameters)
+
+
+@pytest.mark.parametrize(
+    "schema",
+    [("own_msgs/msg/Text", "string data\n", ""), ("std_msgs/msg/String", "string data\n", "RIHS01_0")],
+    ids=["not installed", "another definition"],
+)
+def test_a_type_that_is_not_installed_is_named(
+    ros: Ros, tmp_path: Path, schema: tuple[str, str, str]
+) -> None:
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write(bag.add_topic("/text", *schema, ""), text_message("x"), 1, 1)
+    with pytest.raises(ParameterError, match=schema[0]):
+        player(ros, tmp_path / "bag")
+
+
+def test_a_replay_beside_another_clock_is_refused(ros: Ros, tmp_path: Path) -> None:
+    ros.partner("other").publisher(topics.CLOCK)
+    with pytest.raises(RefusedError, match="/clock"):
+        player(ros, text_bag(tmp_path / "bag"))
+
+
+def test_all_is_published_to_a_subscriber_of_texts(ros: Ros, tmp_path: Path) -> None:
+    texts: list[Any] = []
+    ros.partner("other").create_subscription(String, "/text", lambda m: texts.append(m.data), 10)
+    node = player(ros, text_bag(tmp_path / "bag"))
+    ros.spin_until(lambda: node.finished and len(texts) == 3)
+    assert texts == ["0", "1", "2"]

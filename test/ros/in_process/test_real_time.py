@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Real time: the account of every step and its pace, without ROS and a clock; then the plant node by the clock."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from own_slots import cart_file
+from ros_fixtures import Ros
+
+from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.messages import read_outcome
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.controller_node import ControllerNode
+from skydiver_utc.nodes.plant_node import PlantNode
+from skydiver_utc.nodes.real_time import CommandAccount, Neutral, RealTimePace
+from skydiver_utc.nodes.reference_node import ReferenceNode
+
+pytest_plugins = ("ros_fixtures",)
+NEUTRAL = Neutral(control=np.array([8.0, 0.0]), after_steps=5, ramp_steps=4)
+DT_NS = 4_200_000
+
+
+def command(k: int) -> np.ndarray:
+    return np.array([1.0, 0.001 * k])
+
+
+def flown(steps: int, arrivals: dict[int, list[int]]) -> tuple[CommandAccount, list[np.ndarray]]:
+    """Commands `arrivals[k]` come before step k is chosen."""
+    account = CommandAccount(steps, NEUTRAL)
+    chosen = []
+    for k in range(steps):
+        for answers in arrivals.get(k, []):
+            account.receive(answers, command(answers))
+        chosen.append(account.choose().copy())
+    return account, chosen
+
+
+def test_with_every_command_in_time_each_step_has_that_of_the_state_before() -> None:
+    account, chosen = flown(6, {0: [0]} | {k: [k - 1] for k in range(2, 6)})
+    assert [round(c[1] * 1000) for c in chosen] == [0, 0, 1, 2, 3, 4]
+    assert (account.steps, account.on_time, account.longest_silence) == (6, 6, 0)
+
+
+def test_late_stale_lost_and_repeated_are_told_apart() -> None:
+    #                         in time        2 is late       5 comes before 4: stale; 6 is lost
+    account, chosen = flown(10, {0: [0], 2: [1, 1], 4: [2, 3], 6: [5], 7: [4], 9: [8]})
+    assert [round(c[1] * 1000) for c in chosen] == [0, 0, 1, 1, 3, 3, 5, 5, 5, 8]
+    # step 5 wanted 4 (stale), step 7 wanted 6 and step 8 wanted 7 (lost), step 3 wanted 2 (late)
+    assert account.as_dict() == {
+        "steps": 10, "on_time": 6, "late": 1, "stale": 1, "lost": 2, "repeated": 1,
+        "neutral_steps": 0, "longest_silence_steps": 2,
+    }  # fmt: skip
+
+
+@given(st.lists(st.lists(st.integers(0, 39), max_size=4), min_size=40, max_size=40))
+def test_every_step_is_accounted_for_once(arrivals: list[list[int]]) -> None:
+    """Whatever comes in whatever order, of states that were published."""
+    account = CommandAccount(40, NEUTRAL)
+    on_time = 0
+    seen: set[int] = {0}
+    account.receive(0, command(0))
+    for k in range(40):
+        for answers in arrivals[k]:
+            if answers < k:
+                account.receive(answers, command(answers))
+                seen.add(answers)
+        on_time += k == 0 or k - 1 in seen
+        chosen = account.choose()
+        assert account.newest == max(seen)
+        if not account.in_neutral:
+            assert chosen[1] == command(account.newest)[1]
+    found = account.as_dict()
+    assert found["on_time"] == on_time
+    assert found["lost"] == 39 - len(seen - {39})
+    assert found["on_time"] + found["late"] + found["stale"] + found["lost"] == found["steps"] == 40
+    assert min(found.values()) >= 0
+
+
+def test_without_commands_it_goes_to_neutral_in_a_straight_line_and_a_new_command_is_taken_at_once() -> None:
+    account = CommandAccount(40, NEUTRAL)
+    account.receive(0, np.array([4.0, 1.0]))
+    chosen = [account.choose().copy() for _ in range(12)]
+    # steps 1 .. 6 hold command 0 (silence 0 .. 5), from step 7 on the ramp goes on
+    assert [c.tolist() for c in chosen[:7]] == [[4.0, 1.0]] * 7
+    assert [c.tolist() for c in chosen[7:]] == [[5.0, 0.75], [6.0, 0.5], [7.0, 0.25], [8.0, 0.0], [8.0, 0.0]]
+    assert account.neutral_steps == 5
+    account.receive(11, command(11))
+    assert account.choose().tolist() == command(11).tolist()
+    assert not account.in_neutral
+
+
+class Clock:
+    """A clock that a test turns."""
+
+    def __init__(self) -> None:
+        self.now_ns = 10**9
+
+    def __call__(self) -> int:
+        return self.now_ns
+
+
+def paced(ticks_ns: list[int], steps: int = 100) -> tuple[RealTimePace, list[int]]:
+    """Tick at these times after the first command; the clock reading of each step [ns]."""
+    clock, taken_at_ns = Clock(), []
+
+    def step(_: np.ndarray) -> bool:
+        taken_at_ns.append(clock.now_ns - 10**9)
+        return len(taken_at_ns) < steps
+
+    pace = RealTimePace(CommandAccount(steps, NEUTRAL), DT_NS, step, clock)
+    pace.tick()
+    assert not pace.begun
+    pace.account.receive(0, command(0))
+    for tick_ns in ticks_ns:
+        clock.now_ns = 10**9 + tick_ns
+        pace.tick()
+    return pace, taken_at_ns
+
+
+def test_steps_keep_the_time_of_the_clock_whatever_the_timer_does() -> None:
+    ticks = [0, *np.cumsum(np.tile([DT_NS // 3, DT_NS, 2 * DT_NS], 30)).tolist()]
+    pace, taken_at_ns = paced(ticks)
+    assert pace.begun
+    assert len(taken_at_ns) == ticks[-1] // DT_NS
+    for k, at_ns in enumerate(taken_at_ns, start=1):
+        assert k * DT_NS <= at_ns < (k + 3) * DT_NS
+    assert all(after >= before for before, after in pairwise(taken_at_ns))
+
+
+def test_a_plant_that_was_held_up_catches_up_and_counts_what_was_late() -> None:
+    pace, taken_at_ns = paced([0, DT_NS, 10 * DT_NS + 1])
+    assert len(taken_at_ns) == 10
+    assert pace.late_steps == 8  # the steps 2 to 9; step 10 is in time
+    assert pace.as_dict()["lateness_ms_max"] == pytest.approx(8 * 4.2, rel=1e-3)
+
+
+class Stage:
+    """A cart by the clock, its controller where asked for."""
+
+    def __init__(self, ros: Ros, folder: Path, duration_s: float = 0.3, **settings: object) -> None:
+        self.ros = ros
+        self.given = {"scenario": cart_file(folder), "duration_s": duration_s, "mode": "real_time"}
+        self.plant: PlantNode = ros.add(PlantNode(ros.context, self.given | settings))
+        self.partner = ros.partner("own_controller")
+        self.outcomes = self.partner.receive(topics.OUTCOME)
+
+    def controller(self) -> None:
+        self.ros.add(ReferenceNode(self.ros.context, self.given))
+        self.ros.add(ControllerNode(self.ros.context, self.given))
+
+    def own_controller(self, then: Callable[[Any, Any], None]) -> None:
+        """A partner that commands: `then(state, commands)` for each state."""
+        commands = self.partner.publisher(topics.COMMAND)
+        state = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
+        self.partner.receive(state, lambda message: then(message, commands))
+
+    def outcome(self) -> dict[str, Any]:
+        self.ros.spin_until(lambda: self.outcomes)
+        return read_outcome(self.outcomes[0].data)
+
+
+def answer(state: Any, commands: Any) -> None:
+    message = topics.COMMAND.type(name=["force", "brake"], position=[2.0, 0.5])
+    message.header.stamp = state.header.stamp
+    commands.publish(message)
+
+
+def test_a_run_by_the_clock_lasts_its_time_and_every_step_is_accounted_for(ros: Ros, tmp_path: Path) -> None:
+    stage = Stage(ros, tmp_path)
+    stage.controller()
+    found = stage.outcome()
+    account = found["real_time"]
+    assert found["outcome"] == "completed"
+    assert found["wall_time_s"] >= 0.29
+    assert account["steps"] == 30
+    assert account["on_time"] + account["late"] + account["stale"] + account["lost"] == 30
+    assert stage.plant.close() == 0
+
+
+def test_without_a_first_command_the_clock_does_not_begin(ros: Ros, tmp_path: Path) -> None:
+    stage = Stage(ros, tmp_path, command_timeout_s=0.1, command_retries=1)
+    stage.own_controller(lambda state, commands: None)
+    found = stage.outcome()
+    assert (found["outcome"], found["states"]) == ("no_command", 1)
+
+
+def test_when_the_commands_stop_it_goes_to_neutral_and_the_outcome_is_no_command(
+    ros: Ros, tmp_path: Path
+) -> None:
+    stage = Stage(ros, tmp_path, neutral_after_s=0.05, neutral_time_s=0.1)
+    applied = stage.partner.receive(topics.APPLIED_COMMAND)
+
+    def answer_the_first(state: Any, commands: Any) -> None:
+        if stage.plant.grid.step_of(state.header.stamp) < 5:
+            answer(state, commands)
+
+    stage.own_controller(answer_the_first)
+    found = stage.outcome()
+    ros.spin_until(lambda: len(applied) == 30)
+    assert found["outcome"] == Outcome.NO_COMMAND.value
+    assert found["states"] == 31
+    assert found["real_time"]["neutral_steps"] > 10
+    assert list(applied[2].position) == [2.0, 0.5]
+    assert list(applied[-1].position) == [0.0, 0.0]
+    assert stage.plant.close() == 1
+
+
+def test_it_does_not_pause(ros: Ros, tmp_path: Path) -> None:
+    stage = Stage(ros, tmp_path, 5.0)
+    stage.own_controller(answer)
+    ros.spin_until(lambda: stage.plant.k > 3)
+    stage.plant.trigger_deactivate()
+    assert stage.plant.lifecycle == "active"
+
+
+def test_the_controller_answers_the_newest_state_and_counts_the_others(ros: Ros, tmp_path: Path) -> None:
+    stage = Stage(ros, tmp_path, 2.0)
+    stage.controller()
+    ros.spin_until(lambda: stage.plant.k > 10)
+    # The executor of all nodes stands still, as a busy controller does: the plant catches up at once.
+    before = stage.plant.k
+    deadline = stage.plant.get_clock().now().nanoseconds + 200_000_000
+    while stage.plant.get_clock().now().nanoseconds < deadline:
+        pass
+    found = stage.outcome()
+    account = found["real_time"]
+    assert account["longest_silence_steps"] >= 10
+    assert account["late"] + account["lost"] >= 10
+    assert stage.plant.k > before
+    assert found["outcome"] == "completed"

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The recorder node against a partner that publishes everything else."""
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from recorder_stage import NEEDED, Stage
+from ros_fixtures import Ros, overrides
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from bags import metadata_of
+from skydiver_utc.messages import outcome_text
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.recorder_node import RecorderNode
+from skydiver_utc.nodes.topics import RECORDED, Topic
+from skydiver_utc.parameters import load_scenario
+from skydiver_utc.recording.errors import RecordingError
+
+pytest_plugins = ("ros_fixtures",)
+
+
+@pytest.fixture
+def stage(ros: Ros, tmp_path: Path) -> Stage:
+    return Stage(ros, tmp_path / "bag")
+
+
+def test_messages_are_recorded_byte_for_byte_at_simulated_time(stage: Stage) -> None:
+    stage.all_there()
+    for k in range(5):
+        stage.send(topics.CLOCK, stage.stamped(topics.CLOCK, k))
+        stage.state(k)
+        stage.send(topics.COMMAND, stage.stamped(topics.COMMAND, k))
+    recorded = stage.recorded()
+    assert sorted((message.topic, message.cdr) for message in recorded) == sorted(stage.sent)
+    states = [message for message in recorded if message.topic == "/skydiver/state"]
+    assert [message.log_time for message in states] == [stage.node.scenario.stamp_ns(k) for k in range(5)]
+    log_times = [message.log_time for message in recorded]
+    assert log_times == sorted(log_times)
+    published = [message.publish_time for message in states]
+    assert published == sorted(published)
+    assert abs(published[0] - time.time_ns()) < 600e9
+
+
+def test_a_state_of_another_type_is_recorded_as_that(stage: Stage) -> None:
+    state = topics.STATE.of_type(JointState)
+    message = JointState(name=["a"], position=[1.5])
+    stage.node.grid.set_stamp(message.header.stamp, 3)
+    data = stage.send(state, message)
+    (recorded,) = [each for each in stage.recorded() if each.topic == "/skydiver/state"]
+    assert (recorded.cdr, recorded.log_time) == (data, stage.node.scenario.stamp_ns(3))
+    listed = {
+        each["topic_metadata"]["name"]: each["topic_metadata"]["type"]
+        for each in metadata_of(stage.folder)["topics_with_message_count"]
+    }
+    assert listed["/skydiver/state"] == "sensor_msgs/msg/JointState"
+
+
+def test_messages_without_a_stamp_get_the_newest_simulated_time(stage: Stage) -> None:
+    stage.all_there()
+    stage.state(7)
+    stage.state(9)
+    stage.outcome(10)
+    stage.ros.spin_until(lambda: stage.node.done)
+    times = {message.topic: message.log_time for message in stage.recorded()}
+    assert times["/skydiver/scenario"] == stage.node.scenario.stamp_ns(7)
+    assert times["/skydiver/outcome"] == stage.node.scenario.stamp_ns(9)
+
+
+@pytest.mark.parametrize("seconds", [0, 1, 1_800_000_000])
+def test_a_stamp_outside_of_the_run_is_recorded_at_the_newest_time(stage: Stage, seconds: int) -> None:
+    stage.all_there()
+    stage.state(3)
+    for topic in (topics.STATE, topics.COMMAND):
+        message = topic.type()
+        message.header.stamp.sec = seconds
+        stage.send(topic, message)
+    stage.ros.spin_until(lambda: stage.node.refusals.counts["stamp"] == 2)
+    stage.send(topics.CHANGES, String(data="later"))
+    times = {message.topic: message.log_time for message in stage.recorded()}
+    for name in ("state", "command", "changes"):
+        assert times[f"/skydiver/{name}"] == stage.node.scenario.stamp_ns(3), name
+
+
+def test_a_vehicle_has_its_own_time(stage: Stage) -> None:
+    now_ns = stage.node.scenario.stamp_ns(0) + 10**16
+    for i in range(3):
+        message = topics.STATE.type()
+        stamp_ns = now_ns + 4_000_000 * i
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+        stage.send(topics.STATE, message)
+        stage.ros.spin_until(lambda: stage.node.newest_step() > 0)
+    assert [message.log_time for message in stage.recorded()] == [now_ns + 4_000_000 * i for i in range(3)]
+    assert stage.node.refusals.counts == {}
+
+
+def test_only_clock_and_state_move_the_time(stage: Stage) -> None:
+    stage.all_there()
+    stage.state(3)
+    stage.send(topics.COMMAND, stage.stamped(topics.COMMAND, 9))
+    stage.send(topics.CHANGES, String(data="{}"))
+    times = {message.topic: message.log_time for message in stage.recorded()}
+    assert times["/skydiver/changes"] == stage.node.scenario.stamp_ns(3)
+
+
+def test_its_diagnostics_have_the_newest_simulated_time(stage: Stage) -> None:
+    received = stage.others.receive(topics.DIAGNOSTICS)
+    stage.all_there()
+    stage.state(9)
+    own = stage.node.grid.step_of
+    stage.ros.spin_until(lambda: any(own(message.header.stamp) == 9 for message in received))
+    assert {own(message.header.stamp) for message in received} <= {0, 9}
+
+
+@pytest.mark.parametrize("last", NEEDED, ids=lambda topic: topic.name)
+def test_it_is_ready_when_it_receives_every_needed_topic(stage: Stage, last: Topic) -> None:
+    for topic in NEEDED:
+        if topic is not last:
+            stage.others.publisher(topic)
+    stage.ros.spin_for(0.3)
+    assert stage.ready == []
+    stage.others.publisher(last)
+    stage.ros.spin_until(lambda: stage.ready)
+    late = stage.ros.partner("late").receive(topics.RECORDER_READY)
+    stage.ros.spin_until(lambda: late)
+
+
+def test_the_outcome_of_its_run_ends_the_recording(stage: Stage) -> None:
+    stage.all_there()
+    stage.state(0)
+    stage.outcome(1, run_id="another")
+    stage.ros.spin_until(lambda: stage.node.refusals.counts["run"] == 1)
+    assert not stage.node.finished
+    stage.outcome(1)
+    stage.ros.spin_until(lambda: stage.node.finished)
+
+
+def test_an_outcome_from_before_the_recording_does_not_end_it(ros: Ros, tmp_path: Path) -> None:
+    earlier = ros.partner("earlier")
+    text = outcome_text("r", "completed", "", wall_time_s=1.0, states=0)
+    earlier.publisher(topics.OUTCOME).publish(String(data=text))
+    stage = Stage(ros, tmp_path / "bag").all_there()
+    ros.spin_until(lambda: stage.node.refusals.counts["earlier"])
+    stage.state(0)
+    assert not stage.node.finished
+    assert "/skydiver/outcome" not in {message.topic for message in stage.recorded()}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "hello",
+        "",
+        "[]",
+        '{"run_id": "r", "states": -1}',
+        '{"outcome": "completed"}',
+        b"\0\1\0\0\xff\xff\xff\x7f",
+    ],
+)
+def test_a_text_that_is_no_outcome_is_refused(stage: Stage, text: Any) -> None:
+    stage.all_there()
+    stage.state(0)
+    stage.send(topics.OUTCOME, text if isinstance(text, bytes) else String(data=text))
+    stage.ros.spin_until(lambda: stage.node.refusals.counts.total() == 1)
+    stage.state(1)
+    assert not stage.node.finished
+    stage.outcome(2)
+    stage.ros.spin_until(lambda: stage.node.finished)
+
+
+def test_it_waits_at_the_end_for_messages_that_are_retransmitted(stage: Stage) -> None:
+    stage.all_there()
+    for k in (0, 2):
+        stage.state(k)
+    stage.outcome(3)
+    stage.ros.spin_until(lambda: stage.node.finished)
+    assert any(" 2 of 3 " in line and "state" in line for line in stage.node.missing())
+    stage.state(1)
+    stage.ros.spin_until(lambda: not any("of state" in line for line in stage.node.missing()))
+
+
+def test_a_recorder_that_comes_late_misses_nothing_of_what_it_received(stage: Stage) -> None:
+    stage.all_there()
+    for k in (6, 7):
+        stage.state(k)
+    stage.outcome(8)
+    stage.ros.spin_until(lambda: stage.node.finished)
+    assert not any("of state" in line for line in stage.node.missing())
+
+
+def test_the_folder_holds_a_bag_with_its_scenario_and_versions(stage: Stage) -> None:
+    stage.all_there()
+    stage.state(0)
+    stage.recorded()
+    names = {path.name for path in stage.folder.iterdir()}
+    assert names == {"bag_0.mcap", "metadata.yaml", "scenario.yaml", "versions.json"}
+    assert load_scenario(str(stage.folder / "scenario.yaml")) == stage.node.scenario
+    versions = json.loads((stage.folder / "versions.json").read_text())
+    assert (versions["rmw"], versions["numpy"]) == ("rmw_fastrtps_cpp", np.__version__)
+    listed = metadata_of(stage.folder)["topics_with_message_count"]
+    profiles = {t["topic_metadata"]["name"]: t["topic_metadata"]["offered_qos_profiles"][0] for t in listed}
+    assert len(profiles) == len(RECORDED)
+    assert profiles["/skydiver/outcome"]["durability"] == "transient_local"
+    assert profiles["/skydiver/state"]["durability"] == "volatile"
+
+
+def test_the_schemas_decode_the_messages(stage: Stage) -> None:
+    stage.all_there()
+    stage.send(topics.CLOCK, stage.stamped(topics.CLOCK, 3))
+    stage.recorded()
+    (path,) = stage.folder.glob("*.mcap")
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        found = [message for _, _, _, message in reader.iter_decoded_messages(topics=["/clock"])]
+    assert stage.node.grid.step_of(found[0].clock) == 3
+
+
+def test_without_a_name_the_folder_is_named_by_time_and_scenario(
+    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    node = ros.add(RecorderNode(ros.context, overrides()))
+    node.close()
+    (folder,) = (tmp_path / "bags").iterdir()
+    assert folder.name[8] == "T"
+    assert folder.name.endswith("Z_fast_turn_unknown_dynamics")
+
+
+@pytest.mark.parametrize("name", ["there", "file/run"])
+def test_a_folder_that_cannot_be_made_is_refused(ros: Ros, tmp_path: Path, name: str) -> None:
+    (tmp_path / "there").mkdir()
+    (tmp_path / "file").touch()
+    with pytest.raises(RecordingError, match=name):
+        RecorderNode(ros.context, overrides(bag_folder=str(tmp_path / name)))

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run over ROS in lockstep is the in-process run, bit for bit, with any plant."""
+
+from pathlib import Path
+
+import numpy as np
+from own_slots import CART, cart_file
+from ros_fixtures import Partner, Ros, Spectator, overrides
+
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.loop.run import Run
+from skydiver_utc.messages import read_named, read_odometry, read_outcome, read_preview, run_id_of
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.controller_node import ControllerNode
+from skydiver_utc.nodes.plant_node import PlantNode
+from skydiver_utc.nodes.reference_node import ReferenceNode
+from skydiver_utc.parameters import load_scenario
+
+pytest_plugins = ("ros_fixtures",)
+
+
+def fly(ros: Ros, given: dict[str, object], *types: topics.Topic) -> tuple[PlantNode, Spectator]:
+    """All messages of a run of three nodes."""
+    spectator = ros.add(Spectator(ros.context, *types))
+    ros.add(ReferenceNode(ros.context, given))
+    ros.add(ControllerNode(ros.context, given | {"wait_for_recorder": True}))
+    plant = ros.add(PlantNode(ros.context, given | {"wait_for_recorder": True}))
+    received = spectator.received
+    ros.spin_until(
+        lambda: (
+            plant.done
+            and received[topics.OUTCOME]
+            and len(received[topics.STATE]) == plant.k + 1
+            and len(received[topics.SETPOINT]) == plant.k + 1
+            and all(
+                len(received[t]) == plant.k
+                for t in (topics.COMMAND, topics.APPLIED_COMMAND, topics.TELEMETRY)
+            )
+        )
+    )
+    return plant, spectator
+
+
+def assert_named(messages: list[object], names: tuple[str, ...], values: np.ndarray) -> None:
+    assert np.array([read_named(message, names) for message in messages]).tobytes() == values.tobytes()
+
+
+def assert_equal(plant: PlantNode, spectator: Spectator, run: Run) -> None:
+    received, names = spectator.received, run.plant.control_names
+    read = read_odometry if run.plant.state_message == "odometry" else None
+    states = [read(m) if read else read_named(m, run.plant.state_names) for m in received[topics.STATE]]
+    assert np.array(states).tobytes() == run.states.tobytes()
+    assert_named(received[topics.COMMAND], names, run.commands)
+    assert_named(received[topics.APPLIED_COMMAND], names, run.applied)
+    assert_named(received[topics.SETPOINT], run.tracked_names, run.reference)
+    outcome = read_outcome(received[topics.OUTCOME][0].data)
+    assert outcome["outcome"] == run.outcome.value
+    assert outcome["states"] == len(run.states)
+    assert outcome["run_id"] == plant.run_id == run_id_of(received[topics.SCENARIO][0].data)
+    assert plant.close() == 0
+
+
+def test_the_skydiver_flies_as_in_process(ros: Ros) -> None:
+    plant, spectator = fly(ros, overrides(0.3))
+    run = simulate(load_scenario("fast_turn_unknown_dynamics", {"duration_s": 0.3}))
+    assert plant.outcome is Outcome.COMPLETED
+    assert_equal(plant, spectator, run)
+    stamps = [message.header.stamp for message in spectator.received[topics.STATE]]
+    assert [plant.grid.step_of(stamp) for stamp in stamps] == list(range(len(run.states)))
+    clocks = [plant.grid.step_of(message.clock) for message in spectator.received[topics.CLOCK]]
+    assert clocks == list(range(len(run.states)))
+    telemetry = spectator.received[topics.TELEMETRY]
+    own = [list(message.position)[:-2] for message in telemetry]
+    assert np.array(own).tobytes() == run.telemetry.tobytes()
+    assert tuple(telemetry[0].name) == (*run.telemetry_names, "solve_time", "status")
+    joints = spectator.received[topics.JOINT_STATES]
+    assert len(joints) >= 0.3 * 20
+    assert set(joints[0].name) == set(run.plant.joint_names)
+
+
+def test_a_plant_and_a_controller_of_ones_own_run_as_in_process(ros: Ros, tmp_path: Path) -> None:
+    path = cart_file(tmp_path)
+    plant, spectator = fly(ros, {"scenario": path}, topics.STATE.of_type(topics.STATE_TYPES["joint_state"]))
+    assert_equal(plant, spectator, simulate(load_scenario(path)))
+    assert not spectator.received[topics.JOINT_STATES]
+
+
+def test_every_step_of_the_reference_is_previewed(ros: Ros, tmp_path: Path) -> None:
+    path = cart_file(tmp_path)
+    plant, spectator = fly(ros, {"scenario": path}, topics.STATE.of_type(topics.STATE_TYPES["joint_state"]))
+    run = simulate(load_scenario(path))
+    previews = [
+        read_preview(m, plant.grid, run.tracked_names) for m in spectator.received[topics.REFERENCE_PREVIEW]
+    ]
+    values = {k0 + i: row for k0, rows in previews for i, row in enumerate(rows)}
+    told = np.array([values[k] for k in range(len(run.states))])
+    assert told.tobytes() == run.reference.tobytes()
+
+
+def test_a_plant_that_leaves_its_model_ends_the_run(ros: Ros, tmp_path: Path) -> None:
+    path = cart_file(tmp_path, CART.replace("dt_s: 0.01", "dt_s: 0.9").replace("0.5\n", "90.0\n"))
+    ros.add(ReferenceNode(ros.context, {"scenario": path}))
+    ros.add(ControllerNode(ros.context, {"scenario": path, "controller.gain": 90.0}))
+    plant = ros.add(PlantNode(ros.context, {"scenario": path}))
+    ros.spin_until(lambda: plant.done)
+    assert plant.outcome is Outcome.DIVERGED
+    assert plant.close() == 1
+
+
+def test_names_of_a_command_come_in_any_order(ros: Ros, tmp_path: Path) -> None:
+    given = {"scenario": cart_file(tmp_path)}
+    plant = ros.add(PlantNode(ros.context, given))
+    partner: Partner = ros.partner()
+    state = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
+    applied = partner.receive(topics.APPLIED_COMMAND)
+    publisher = partner.publisher(topics.COMMAND)
+
+    def answer(message: object) -> None:
+        command = topics.COMMAND.type(name=["brake", "force"], position=[0.5, 2.0])
+        command.header.stamp = message.header.stamp  # type: ignore[attr-defined]
+        publisher.publish(command)
+
+    partner.receive(state, answer)
+    ros.spin_until(lambda: plant.done and applied)
+    assert list(applied[0].name) == ["force", "brake"]
+    assert list(applied[0].position) == [2.0, 0.5]

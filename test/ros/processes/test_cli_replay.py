@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``skydiver-utc replay`` with a real player."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from ros_fixtures import Ros
+from std_msgs.msg import String
+
+from bags import START_NS, Row, text_message
+from skydiver_utc.cli.main import main
+from skydiver_utc.recording.schemas import message_schema
+from skydiver_utc.recording.writer import BagWriter
+
+pytest_plugins = ("ros_fixtures",)
+pytestmark = pytest.mark.processes
+
+PATIENCE_S = 150.0
+
+
+def bag(folder: Path) -> Path:
+    rows = [Row("/text", START_NS + k * 10**7, 1, text_message(str(k))) for k in range(30)]
+    with BagWriter(folder) as writer:
+        text = writer.add_topic("/text", *message_schema("std_msgs/msg/String"), "")
+        clock = writer.add_topic("/clock", *message_schema("rosgraph_msgs/msg/Clock"), "")
+        for row in rows:
+            writer.write(text, row.cdr, row.log_time, row.publish_time)
+        writer.write(clock, b"\0\1\0\0" + b"\xff" * 100, START_NS, 1)
+    return folder
+
+
+def start(domain: int, *arguments: object) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, "-m", "skydiver_utc", "replay", *map(str, arguments)],
+        env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_a_recording_is_played_and_rejected_messages_are_counted(
+    ros: Ros, domain: int, tmp_path: Path
+) -> None:
+    texts: list[str] = []
+    partner = ros.partner()
+    partner.create_subscription(String, "/text", lambda message: texts.append(message.data), 100)
+    process = start(domain, bag(tmp_path / "bag"), "--rate", "2")
+    ros.spin_until(lambda: process.poll() is not None)
+    _, stderr = process.communicate()
+    assert process.returncode == 0, stderr
+    assert texts == [str(k) for k in range(30)]
+    assert any("1 messages of /clock" in line for line in stderr.splitlines())
+
+
+def test_a_loop_is_ended_by_ctrl_c(ros: Ros, domain: int, tmp_path: Path) -> None:
+    texts: list[str] = []
+    partner = ros.partner()
+    partner.create_subscription(String, "/text", lambda message: texts.append(message.data), 100)
+    process = start(domain, bag(tmp_path / "bag"), "--loop", "--rate", "5", "--topics", "/text")
+    ros.spin_until(lambda: texts.count("0") > 1)
+    process.terminate()
+    _, stderr = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 130
+    assert "Traceback" not in stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [(("--start", "5"), "start"), (("--topics", "/other"), "/other")],
+    ids=["start", "topic"],
+)
+def test_an_option_that_does_not_fit_the_recording_is_one_sentence(
+    domain: int, tmp_path: Path, arguments: tuple[str, ...], word: str
+) -> None:
+    process = start(domain, bag(tmp_path / "bag"), "--quiet", *arguments)
+    _, stderr = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 2
+    (line,) = stderr.splitlines()
+    assert line.startswith("Error: ")
+    assert word in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["--json"], "--check"),
+        (["--check", "--rate=2"], "--check"),
+        (["--check", "--loop"], "--check"),
+        (["--topics", "state,"], "--topics"),
+        (["--topics", ""], "--topics"),
+    ],
+)
+def test_options_that_do_not_go_together_are_named(tmp_path: Path, arguments: list[str], word: str) -> None:
+    result = CliRunner().invoke(main, ["replay", str(tmp_path), *arguments])
+    assert result.exit_code == 2
+    assert word in result.output
+
+
+def test_a_folder_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
+    result = CliRunner().invoke(main, ["replay", str(tmp_path / "nothere")])
+    assert result.exit_code == 2
+    (line,) = result.output.splitlines()
+    assert str(tmp_path / "nothere") in line

@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``skydiver-utc run`` with real nodes, and its parts."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import own_slots
+import pytest
+from child_processes import children
+from own_slots import CART, cart_file
+from recorded import Bag, assert_complete, assert_equals_simulation
+
+from skydiver_utc.cli.errors import CommandError
+from skydiver_utc.cli.node_processes import NODE_CODE, PACKAGE_FOLDER
+from skydiver_utc.cli.planned_runs import planned_runs
+from skydiver_utc.cli.ros_environment import free_domain, node_environment
+from skydiver_utc.nodes.discovery import PROFILE, RANGE
+from skydiver_utc.parameters import ParameterError
+from skydiver_utc.parameters.run_folder import new_run_folder
+from skydiver_utc.recording.metadata import message_count
+from skydiver_utc.recording.recovery import recover
+
+pytest_plugins = ("ros_domains",)
+pytestmark = pytest.mark.processes
+
+PATIENCE_S = 150.0
+
+
+class Command:
+    """Runs `skydiver-utc` in a process, on a domain of its own."""
+
+    def __init__(self, domain: int, folder: Path) -> None:
+        self.domain, self.folder = domain, folder
+        (folder / "scenarios").mkdir()
+        # The module of the cart is found beside its scenario file only.
+        shutil.copy(own_slots.__file__, folder / "scenarios")
+        self.cart = cart_file(folder / "scenarios")
+
+    def start(self, *arguments: str, **environment: str) -> "subprocess.Popen[str]":
+        return subprocess.Popen(
+            [sys.executable, "-m", "skydiver_utc", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={
+                **os.environ,
+                "ROS_DOMAIN_ID": str(self.domain),
+                "PYTHONPATH": PACKAGE_FOLDER,
+                **environment,
+            },
+        )
+
+    def run(self, *arguments: str, **environment: str) -> tuple[int, str, str]:
+        """Exit code, stdout, stderr."""
+        process = self.start(*arguments, **environment)
+        stdout, stderr = process.communicate(timeout=PATIENCE_S)
+        assert "Traceback" not in stdout
+        return process.returncode, stdout, stderr
+
+    def start_long_run(self, *scenarios: str, folder: Path) -> "subprocess.Popen[str]":
+        """A run of ten minutes, once each of its recordings has messages."""
+        process = self.start("run", *scenarios, "--folder", str(folder), "--set", "duration_s=600")
+        names = [scenario.partition("=")[0] for scenario in scenarios] if len(scenarios) > 1 else [""]
+        files = [folder / name / f"{name or folder.name}_0.mcap" for name in names]
+        wait_for(lambda: all(f.is_file() and f.stat().st_size > 20_000 for f in files), process)
+        return process
+
+    def node_of(self, process: "subprocess.Popen[str]", kind: str, namespace: str = "") -> int:
+        """The process id of a node."""
+        (pid,) = (
+            pid
+            for pid, command in children(process.pid)
+            if f"{kind}_node" in command and f"__ns:=/{namespace}" in command
+        )
+        return pid
+
+
+def wait_for(condition: Callable[[], bool], process: "subprocess.Popen[str]") -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+@pytest.fixture
+def command(domain: int, tmp_path: Path) -> Command:
+    return Command(domain, tmp_path)
+
+
+def test_a_run_with_a_plant_of_ones_own_is_the_simulated_one(command: Command, tmp_path: Path) -> None:
+    folder = tmp_path / "bags" / "run"
+    code, stdout, stderr = command.run("run", command.cart, "--folder", str(folder), "--json")
+    assert code == 0, stderr
+    assert json.loads(stdout)["outcome"] == "completed"
+    assert json.loads((folder / "metrics.json").read_text(encoding="utf-8")) == json.loads(stdout)
+    assert (folder / "tracking.png").is_file()
+    assert_complete(Bag(folder))
+    assert_equals_simulation(Bag(folder))
+
+
+def test_several_runs_side_by_side_have_their_own_namespace_clock_and_folder(
+    command: Command, tmp_path: Path
+) -> None:
+    other = tmp_path / "scenarios" / "slower.yaml"
+    other.write_text(CART.replace("dt_s: 0.01", "dt_s: 0.02"), encoding="utf-8")
+    folder = tmp_path / "run"
+    code, stdout, stderr = command.run(
+        "run", f"anna={command.cart}", str(other), "--folder", str(folder), "--json"
+    )
+    assert code == 0, stderr
+    values = json.loads(stdout)
+    assert list(values) == ["anna", "skydiver_2"]
+    for name, metrics in values.items():
+        assert json.loads((folder / name / "metrics.json").read_text(encoding="utf-8")) == metrics
+        bag = Bag(folder / name, f"/{name}")
+        assert_equals_simulation(bag)
+        listed = (folder / name / "metadata.yaml").read_text()
+        assert f"name: /{name}/clock" in listed
+        assert "name: /clock" not in listed
+
+
+def test_ctrl_c_leaves_a_recording_that_can_be_analysed(command: Command, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    process = command.start_long_run(command.cart, folder=folder)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 130
+    assert message_count(folder) > 100
+    assert f"skydiver-utc analyse {folder}" in stderr
+    assert "Traceback" not in stderr
+    assert Bag(folder).outcome()["outcome"] == "aborted"
+    code, _, stderr = command.run(
+        "analyse", str(folder), PYTHONPATH=f"{PACKAGE_FOLDER}:{tmp_path / 'scenarios'}"
+    )
+    assert code == 0, stderr
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
+def test_nodes_end_with_a_run_that_is_killed(command: Command, tmp_path: Path) -> None:
+    process = command.start_long_run(command.cart, folder=tmp_path / "run")
+    nodes = [pid for pid, _ in children(process.pid)]
+    assert len(nodes) == 4
+    process.kill()
+    process.communicate()
+    deadline = time.monotonic() + PATIENCE_S
+    while any(Path(f"/proc/{pid}").exists() for pid in nodes):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert (tmp_path / "run" / "metadata.yaml").is_file()
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
+def test_the_failure_of_one_of_two_runs_names_its_node_and_both_recordings(
+    command: Command, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    process = command.start_long_run(f"a={command.cart}", f"b={command.cart}", folder=folder)
+    os.kill(command.node_of(process, "controller", "b"), signal.SIGKILL)
+    _, stderr = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1
+    for word in ("controller", " b ", "SIGKILL", str(folder / "a"), str(folder / "b")):
+        assert word in stderr, word
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
+def test_a_run_whose_recorder_is_killed_reaches_its_end(command: Command, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    process = command.start("run", command.cart, "--folder", str(folder), "--set", "duration_s=30")
+    file = folder / "run_0.mcap"
+    wait_for(lambda: file.is_file() and file.stat().st_size > 60_000, process)
+    os.kill(command.node_of(process, "recorder"), signal.SIGKILL)
+    _, stderr = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1
+    for word in ("recorder", "SIGKILL", f"skydiver-utc recover {folder}"):
+        assert word in stderr, word
+    assert recover(folder, tmp_path / "recovered").counts["/skydiver/state"] > 50
+
+
+def test_a_node_that_fails_is_named_with_its_reason(command: Command, tmp_path: Path) -> None:
+    code, stdout, stderr = command.run(
+        "run", command.cart, "--folder", str(tmp_path / "run"), RMW_IMPLEMENTATION="rmw_of_nobody"
+    )
+    assert (code, stdout) == (1, "")
+    assert "node of skydiver failed" in stderr
+    assert "rmw_of_nobody" in stderr
+
+
+def test_runs_are_named_and_have_a_folder_each(tmp_path: Path) -> None:
+    (alone,) = planned_runs(["slow_turn_pose_only"], [], tmp_path, None)
+    assert (alone.name, alone.folder.parent, alone.module_folder) == ("skydiver", tmp_path, None)
+    both = planned_runs(["slow_turn_pose_only", f"b={cart_file(tmp_path)}"], [], tmp_path, tmp_path / "run")
+    assert [(run.name, run.scenario.name, run.folder, run.module_folder) for run in both] == [
+        ("skydiver", "slow_turn_pose_only", tmp_path / "run" / "skydiver", None),
+        ("b", "cart", tmp_path / "run" / "b", tmp_path),
+    ]
+
+
+def test_two_runs_of_one_name_and_a_folder_that_exists_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(CommandError, match="called a"):
+        planned_runs(["a=turn_360_left", "a=turn_360_right"], [], tmp_path, None)
+    with pytest.raises(CommandError, match=str(tmp_path)):
+        planned_runs(["turn_360_left"], [], tmp_path, tmp_path)
+
+
+def test_nodes_do_not_import_from_the_current_folder(tmp_path: Path) -> None:
+    """Neither a file named like a library, nor one named like this package."""
+    (tmp_path / "yaml.py").write_text("raise RuntimeError('from the current folder')")
+    (tmp_path / "skydiver_utc").mkdir()
+    (tmp_path / "skydiver_utc" / "__init__.py").write_text("raise RuntimeError('from the current folder')")
+    finished = subprocess.run(
+        [sys.executable, "-c", NODE_CODE.format(kind="plant"), "--help"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": PACKAGE_FOLDER},
+        capture_output=True,
+        text=True,
+    )
+    assert finished.returncode == 0, finished.stderr
+    assert "scenario" in finished.stdout
+
+
+def test_run_folders_of_one_second_have_different_names(tmp_path: Path) -> None:
+    first = new_run_folder(tmp_path, "a b")
+    first.mkdir()
+    second = new_run_folder(tmp_path, "a b")
+    assert first.name.endswith("Z_a_b")
+    assert first != second
+
+
+def test_nodes_stay_on_this_machine_and_on_a_domain_of_their_own() -> None:
+    environment = node_environment({"PATH": "/bin"})
+    assert environment[RANGE] == "LOCALHOST"
+    assert 1 <= int(environment["ROS_DOMAIN_ID"]) <= 101
+    assert "heartbeatPeriod" in Path(environment[PROFILE]).read_text(encoding="utf-8")
+
+
+def test_the_callers_environment_is_kept() -> None:
+    given = {"ROS_DOMAIN_ID": "7", RANGE: "SUBNET", "LD_LIBRARY_PATH": "/opt/ros/lib", PROFILE: "/mine.xml"}
+    environment = node_environment(given)
+    assert {name: environment[name] for name in given} == given
+    assert node_environment({"ROS_DOMAIN_ID": "232"})["ROS_DOMAIN_ID"] == "232"
+
+
+@pytest.mark.parametrize("domain", ["900", "233", "abc", "-1", "1.5", "²"])
+def test_an_impossible_domain_is_named(domain: str) -> None:
+    with pytest.raises(CommandError) as raised:
+        node_environment({"ROS_DOMAIN_ID": domain})
+    assert repr(domain) in str(raised.value)
+    assert "232" in str(raised.value)
+
+
+def test_an_unknown_discovery_range_is_refused() -> None:
+    with pytest.raises(ParameterError, match="SUBNET"):
+        node_environment({RANGE: "subnet"})
+
+
+def test_the_libraries_of_another_environment_are_not_handed_on() -> None:
+    given = {
+        "ROS_DOMAIN_ID": "7",
+        "_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1",
+        "LD_LIBRARY_PATH": "/a/site-packages/ros_rcl.libs:/mine",
+    }
+    environment = node_environment(given)
+    assert environment["LD_LIBRARY_PATH"] == "/mine"
+    assert "_ROS_WHEELS_BOOTSTRAP_COMPLETE" not in environment
+
+
+def test_a_free_domain_is_in_the_range_without_ephemeral_ports() -> None:
+    assert free_domain() in range(1, 102)

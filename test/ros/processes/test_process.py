@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a node process treats signals, in this process."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import pytest
+
+from skydiver_utc.nodes.process import StopRequest
+
+
+@pytest.fixture
+def stop() -> Iterator[StopRequest]:
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield StopRequest()
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_interrupts_the_start_and_a_further_one_does_nothing(
+    stop: StopRequest, number: signal.Signals
+) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(number)
+    signal.raise_signal(signal.SIGINT)
+    assert stop.requested
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_once_the_node_runs_a_signal_is_only_noted(stop: StopRequest, number: signal.Signals) -> None:
+    stop.deferred = True
+    signal.raise_signal(number)
+    signal.raise_signal(number)
+    assert stop.requested
+
+
+@pytest.mark.parametrize("kind", ["plant", "recorder"])
+def test_a_help_text_whose_reader_has_gone_is_no_error(kind: str) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", f"skydiver_utc.nodes.{kind}_node", "--help"]
+    ended = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert (ended.returncode, ended.stderr) == (0, "")

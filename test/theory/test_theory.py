@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The theory of UTC on linear plants, against SciPy, algebra and brute force."""
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_are
+from scipy.signal import cont2discrete
+
+from skydiver_utc.plants.linear import LinearModel, zero_order_hold
+from skydiver_utc.theory.bound import ball
+from skydiver_utc.theory.closed_loop import apart_from_rest, closed_loop_matrix, decay
+from skydiver_utc.theory.linear_plant import to_the_horizon
+from skydiver_utc.theory.riccati import output_riccati, riccati_terms
+from skydiver_utc.theory.steady_gain import gain, next_covariance, steady_gain
+
+SHAPES = [(3, 2, 2), (3, 2, 3), (4, 1, 1), (3, 4, 2), (5, 3, 1)]  # n, m, l
+
+
+def definite(rng, size):
+    factor = rng.normal(size=(size, size))
+    return factor @ factor.T + 0.1 * np.eye(size)
+
+
+def random_plant(seed, n, m, outputs, radius=0.9):
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(n, n))
+    A *= radius / np.abs(np.linalg.eigvals(A)).max()
+    return LinearModel(A, rng.normal(size=(n, m)), rng.normal(size=(outputs, n))), rng
+
+
+def test_zero_order_hold_against_scipy():
+    _, rng = random_plant(1, 3, 2, 1)
+    A, B = rng.normal(size=(3, 3)), rng.normal(size=(3, 2))
+    expected = cont2discrete((A, B, np.eye(3), np.zeros((3, 2))), 0.1)
+    for ours, theirs in zip(zero_order_hold(A, B, 0.1), expected, strict=False):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("steps", [1, 2, 7])
+def test_output_at_the_horizon(steps):
+    """F x + H u against stepping the plant with the control held."""
+    plant, rng = random_plant(2, 4, 2, 3)
+    start, u = rng.normal(size=4), rng.normal(size=2)
+    x = start
+    for _ in range(steps):
+        x = plant.A @ x + plant.B @ u
+    F, H = to_the_horizon(plant, steps)
+    np.testing.assert_allclose(F @ start + H @ u, plant.C @ x, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("m", "outputs"), [(1, 1), (2, 2), (2, 3), (3, 5)])
+def test_steady_covariance_solves_the_riccati_equation(m, outputs):
+    """Where H has full column rank: the solution for (I, H', Qu, P_err) by SciPy, and the end of the recursion."""
+    rng = np.random.default_rng(m + 10 * outputs)
+    H, P_err, Qu = rng.normal(size=(outputs, m)), definite(rng, outputs), definite(rng, m)
+    steady = steady_gain(H, P_err, Qu)
+    in_controls = steady.covariance
+    np.testing.assert_allclose(
+        in_controls, solve_discrete_are(np.eye(m), H.T, Qu, P_err), rtol=1e-9, atol=1e-10
+    )
+    np.testing.assert_allclose(
+        next_covariance(in_controls, H, P_err, Qu), in_controls, rtol=1e-10, atol=1e-11
+    )
+    np.testing.assert_allclose(steady.K, gain(in_controls, H, P_err), rtol=1e-10, atol=1e-11)
+    np.testing.assert_allclose(steady.growth, 0.0, atol=1e-11)
+    memory = np.sort(np.linalg.eigvals(np.eye(m) - steady.K @ H).real)
+    np.testing.assert_allclose(memory, steady.memory, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("m", "outputs"), [(2, 1), (4, 1), (4, 2), (4, 3)])
+def test_gain_settles_although_the_unseen_covariance_grows(m, outputs):
+    """With more controls than outputs Pu has no fixed point; the gain and the growth are those predicted."""
+    rng = np.random.default_rng(m + 10 * outputs)
+    H, P_err, Qu = rng.normal(size=(outputs, m)), definite(rng, outputs), definite(rng, m)
+    Pu = definite(rng, m)
+    for _ in range(300):
+        before, Pu = Pu, next_covariance(Pu, H, P_err, Qu)
+    steady = steady_gain(H, P_err, Qu)
+    np.testing.assert_allclose(gain(Pu, H, P_err), steady.K, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(Pu - before, steady.growth, rtol=1e-5, atol=1e-7)
+    assert np.linalg.matrix_rank(steady.growth, tol=1e-8) == m - outputs
+    start = steady.covariance + 2.0 * steady.growth
+    np.testing.assert_allclose(gain(start, H, P_err), steady.K, rtol=1e-9, atol=1e-12)
+    following = next_covariance(start, H, P_err, Qu)
+    np.testing.assert_allclose(following - start, steady.growth, rtol=1e-8, atol=1e-10)
+
+
+def test_qu_without_noise_in_what_is_seen_is_refused():
+    with pytest.raises(ValueError, match="not positive definite"):
+        steady_gain(np.array([[1.0, 0.0]]), np.eye(1), np.diag([0.0, 1.0]))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("steps", [1, 4])
+def test_closed_loop_matrix_is_the_law_stepped(shape, steps):
+    """Z z against the update written out from the definition of UTC's gain."""
+    n, m, outputs = shape
+    plant, rng = random_plant(3, *shape)
+    K = rng.normal(size=(m, outputs))
+    x, u = rng.normal(size=n), rng.normal(size=m)
+    F, H = to_the_horizon(plant, steps)
+    following = u + K @ (-F @ x - H @ u)
+    expected = np.append(plant.A @ x + plant.B @ following, following)
+    np.testing.assert_allclose(
+        closed_loop_matrix(plant, K, steps) @ np.append(x, u), expected, rtol=1e-11, atol=1e-12
+    )
+
+
+def test_one_step_with_the_whole_state_as_output_is_the_literature_s_matrix():
+    plant, rng = random_plant(4, 3, 2, 3)
+    plant = plant._replace(C=np.eye(3))
+    (A, B, _), K = plant, rng.normal(size=(2, 3))
+    BK, KB = B @ K, K @ B
+    expected = np.block([[(np.eye(3) - BK) @ A, (np.eye(3) - BK) @ B], [-K @ A, np.eye(2) - KB]])
+    np.testing.assert_allclose(closed_loop_matrix(plant, K, 1), expected, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("steps", [1, 5])
+def test_states_of_rest(shape, steps):
+    """Z keeps rest, its spectrum is that of W'Z W and ones, and there are at least m - l ones."""
+    n, m, outputs = shape
+    plant, rng = random_plant(5, *shape)
+    _, H = to_the_horizon(plant, steps)
+    K = steady_gain(H, definite(rng, outputs), definite(rng, m)).K
+    Z, W = closed_loop_matrix(plant, K, steps), apart_from_rest(plant, K)
+    at_rest = n + m - W.shape[1]
+    assert at_rest == max(m - outputs, 0)
+    rest = np.linalg.svd(W.T)[2][W.shape[1] :].T
+    np.testing.assert_allclose(Z @ rest, rest, atol=1e-10)
+    np.testing.assert_allclose(plant.C @ rest[:n], 0.0, atol=1e-9)
+    ours = np.append(np.linalg.eigvals(W.T @ Z @ W), np.ones(at_rest))
+    theirs = np.linalg.eigvals(Z)
+    np.testing.assert_allclose(np.poly(ours), np.poly(theirs), atol=1e-9)
+
+
+@pytest.mark.parametrize("a", [-0.7, 0.0, 0.5, 0.95])
+def test_ball_of_a_scalar_is_exact(a):
+    """The largest |z| under |d| <= D is D / (1 - |a|), and R is that."""
+    found = ball(np.array([[a]]), 0.3)
+    np.testing.assert_allclose(found.radius, 0.3 / (1.0 - abs(a)), rtol=1e-12)
+    assert found.kept == pytest.approx(found.radius, rel=1e-12)
+    assert found.summed == pytest.approx(found.radius, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_value_falls_outside_the_ball_and_the_level_set_is_kept(seed):
+    """The worst disturbance of size D at random states: V falls for |z| > R, and V <= p_max R^2 is never left."""
+    rng = np.random.default_rng(seed)
+    Z = rng.normal(size=(4, 4))
+    Z *= 0.9 / np.abs(np.linalg.eigvals(Z)).max()
+    D = 0.2
+    found = ball(Z, D)
+    np.testing.assert_allclose(Z.T @ found.P @ Z - found.P, -np.eye(4), atol=1e-8)
+    p_max = np.linalg.eigvalsh(found.P)[-1]
+
+    def value(z):
+        return np.einsum("ij,jk,ik->i", z, found.P, z)
+
+    z = rng.normal(size=(2000, 4))
+    z /= np.linalg.norm(z, axis=1, keepdims=True)
+    push = (z @ Z.T) @ found.P
+    d = D * push / np.linalg.norm(push, axis=1, keepdims=True)
+    outside = 1.0001 * found.radius * z
+    assert (value(outside @ Z.T + d) < value(outside)).all()
+    level = p_max * found.radius**2
+    edge = z * np.sqrt(level / value(z))[:, None]
+    assert (np.linalg.norm(edge, axis=1) <= found.kept * (1 + 1e-12)).all()
+    assert (value(edge @ Z.T + d) <= level * (1 + 1e-12)).all()
+
+
+def test_the_ball_itself_can_be_left():
+    """A start inside R, no disturbance larger than D, and yet |z| > R: only the larger ball is kept."""
+    Z = np.array([[0.2, 40.0], [0.0, 0.2]])
+    found = ball(Z, 1.0)
+    start = np.array([0.0, found.radius])
+    reached = np.linalg.norm(Z @ start)
+    assert found.radius < reached <= found.kept
+
+
+def test_an_unstable_loop_has_no_ball():
+    with pytest.raises(ValueError, match="not stable"):
+        ball(np.diag([0.5, 1.0]), 1.0)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("steps", [1, 3, 8])
+def test_riccati_identity(shape, steps):
+    """X - (A - B L)'X(A - B L) = cost + effort - additional; nothing is added for one step."""
+    plant, rng = random_plant(6, *shape)
+    Pu, P_err = definite(rng, shape[1]), definite(rng, shape[2])
+    F, H = to_the_horizon(plant, steps)
+    X = plant.C.T @ np.linalg.inv(P_err) @ plant.C
+    closed = plant.A - plant.B @ gain(Pu, H, P_err) @ F
+    terms = output_riccati(plant, Pu, P_err, steps)
+    np.testing.assert_allclose(
+        terms.cost + terms.effort - terms.additional, X - closed.T @ X @ closed, atol=1e-8 * np.abs(X).max()
+    )
+    assert np.abs(terms.additional).max() > 1e-6 or steps == 1
+    if steps == 1:
+        np.testing.assert_allclose(terms.additional, 0.0, atol=1e-9 * np.abs(X).max())
+
+
+def test_riccati_cost_against_scipy():
+    """For the X that SciPy finds to a cost, the cost is found back."""
+    plant, rng = random_plant(7, 4, 2, 4, radius=1.2)
+    wanted, Pu = definite(rng, 4), definite(rng, 2)
+    X = solve_discrete_are(plant.A, plant.B, wanted, np.linalg.inv(Pu))
+    terms = riccati_terms(plant.A, plant.B, X, Pu, np.zeros((2, 4)))
+    np.testing.assert_allclose(terms.cost, wanted, rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("steps", [1, 4])
+def test_decay_of_a_free_run(steps):
+    """A long free run shrinks, or grows, by the spectral radius each step."""
+    plant, rng = random_plant(8, 3, 2, 2)
+    _, H = to_the_horizon(plant, steps)
+    K = steady_gain(H, 0.1 * np.eye(2), 0.01 * np.eye(2)).K
+    Z = closed_loop_matrix(plant, K, steps)
+    z, sizes = rng.normal(size=5), []
+    for _ in range(2000):
+        z = Z @ z
+        sizes.append(np.log(np.linalg.norm(z)))
+        z = z / np.linalg.norm(z)
+    assert np.exp(np.mean(sizes[1000:])) == pytest.approx(decay(Z), rel=1e-3)
