@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bare rclpy nodes that ours are measured against: plain callbacks on a plain executor, our messages, no work.
 
 ``ping`` and ``pong`` are the pair beside the real-time mode: ping sends an Odometry at each deadline of the steady
@@ -11,12 +12,10 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
-
-import msgspec
+from typing import Any, NamedTuple
 
 
-class Loop(msgspec.Struct):
+class Loop(NamedTuple):
     """What the four bare nodes need to know to send messages of the sizes of ours."""
 
     steps: int
@@ -137,7 +136,7 @@ def plant(loop: Loop) -> None:
 
     node.create_subscription(topics.COMMAND.type, topics.COMMAND.name, on_command, topics.COMMAND.qos)
     listeners = {**publish, topics.JOINT_STATES: joint_states}
-    while any(p.get_subscription_count() < 1 + len(t.listeners) for t, p in listeners.items()):
+    while any(p.get_subscription_count() < 1 + len(t.subscribers) for t, p in listeners.items()):
         time.sleep(0.05)
     node.create_timer(1.0, repeat)
     send_state()
@@ -165,14 +164,14 @@ def controller(loop: Loop) -> None:
 
 def reference(loop: Loop) -> None:
     """A setpoint for each clock message, a preview every so often."""
-    from geometry_msgs.msg import TwistStamped
+    from sensor_msgs.msg import JointState
     from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
     from skydiver_utc.nodes import topics
 
     node = _node(topics.REFERENCE)
-    setpoint = TwistStamped()
-    points = [JointTrajectoryPoint(velocities=[0.0]) for _ in range(loop.preview_points)]
+    setpoint = JointState(name=["yaw_rate"], position=[0.0])
+    points = [JointTrajectoryPoint(positions=[0.0]) for _ in range(loop.preview_points)]
     preview = JointTrajectory(joint_names=["yaw_rate"], points=points)
     setpoints, previews = _publisher(node, topics.SETPOINT), _publisher(node, topics.REFERENCE_PREVIEW)
     heard = 0
@@ -245,7 +244,7 @@ def main(role: str, arguments: list[str]) -> None:
         recorder()
     else:
         nodes = {"plant": plant, "controller": controller, "reference": reference}
-        nodes[role](msgspec.json.decode(arguments[0], type=Loop))
+        nodes[role](Loop(*json.loads(arguments[0])))
 
 
 if __name__ == "__main__":

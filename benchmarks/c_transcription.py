@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The C transcription of one UTC step (c/utc_step.c), compiled here and called through ctypes."""
 
 import ctypes
@@ -12,10 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.control.coupling import CouplingSchedule
-from skydiver_utc.parameters import Scenario, UtcParameters
-from skydiver_utc.plant.model import PlantModel, build_model
-from skydiver_utc.plant.skydiver import SkydiverPlant
+from skydiver_utc.controllers.utc.coupling import CouplingSchedule
+from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
+from skydiver_utc.parameters import Scenario
+from skydiver_utc.plants.skydiver.model import PlantModel
+from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 
 Array = NDArray[np.float64]
 Address = ctypes.c_void_p
@@ -108,21 +110,30 @@ class CUtc:
 
     def __init__(self, loaded: ctypes.CDLL, scenario: Scenario) -> None:
         parameters = scenario.controller
-        if not isinstance(parameters, UtcParameters) or parameters.alpha_dynamics != "unknown":
+        if (
+            not isinstance(parameters, UtcSettings)
+            or parameters.dynamics is not None
+            or parameters.coupling is None
+        ):
             raise ValueError("c/utc_step.c transcribes UTC with unknown dynamics of alpha only")
         self._library, self._parameters = loaded, parameters
-        self._model = build_model(scenario)
+        plant = SkydiverPlant(scenario.plant, scenario.dt_s)
+        self._model = plant.constants
         self._plant = _plant(self._model)
         self._utc = _Utc()
-        self._start = SkydiverPlant(scenario, self._model).initial_control()
+        self._start = plant.initial_control()
         self._dt = self._model.dt
         self._addresses = (ctypes.addressof(self._plant), ctypes.addressof(self._utc))
 
     def prepare(self, profile: Array, steps: int) -> None:
         """Start at step 0 of a reference profile [rad/s] that reaches beyond the last step by the preview."""
         parameters = self._parameters
-        reach = parameters.preview_steps(self._dt) + 1
-        schedule = CouplingSchedule(parameters, parameters.k_hyst(self._dt), self._dt)
+        names = SkydiverPlant.control_names
+        schedule = CouplingSchedule(
+            parameters.coupling, matrix("Pu", parameters.Pu, names), names, parameters.Qu_ratio, self._dt
+        )
+        reach = max(parameters.steps[-1], schedule.preview_steps) + 1
+        profile = np.ascontiguousarray(profile.reshape(len(profile)))
         covariance = schedule.initial_covariance(profile[:reach])
         Qu = np.array([schedule.process_noise(profile[k : k + reach]) for k in range(steps)])
         self._references = profile[parameters.horizon_steps :].tolist()

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The controllers of the package and the C transcription, timed along flights of the fast turn."""
 
 import ctypes
@@ -7,15 +8,15 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from c_transcription import CUtc, address
 
-from skydiver_utc.control.horizon import Horizon
-from skydiver_utc.parameters import Scenario, UtcParameters, load_scenario
-from skydiver_utc.plant.model import build_model
-from skydiver_utc.plant.skydiver import RATE_AT
-from skydiver_utc.simulation.build import build_controller, build_reference
-from skydiver_utc.simulation.closed_loop import simulate
-from skydiver_utc.simulation.flight import Flight
-from skydiver_utc.simulation.prediction import SkydiverPrediction
-from skydiver_utc.simulation.rollout import SkydiverRollOut
+from skydiver_utc.controllers.horizon import Horizon
+from skydiver_utc.controllers.limits import limits_of
+from skydiver_utc.controllers.roll_out import RollOut
+from skydiver_utc.controllers.settings import GaussNewtonSettings
+from skydiver_utc.controllers.utc.settings import UtcSettings
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
+from skydiver_utc.loop.run import Run
+from skydiver_utc.parameters import Scenario, load_scenario
 
 FAST = "fast_turn_unknown_dynamics"
 DURATION_S = 5.0
@@ -30,7 +31,8 @@ def short(name: str, changes: Mapping[str, object] | None = None) -> Scenario:
 
 def decision(scenario: Scenario) -> Callable[[], float]:
     """One decision of a scenario's controller, along its own flight [s]."""
-    flight, controller = simulate(scenario), build_controller(scenario)
+    flight = simulate(scenario)
+    controller = build_controller(scenario, build_plant(scenario), build_reference(scenario))
     steps = len(flight.commands)
     profile = build_reference(scenario).preview(0, steps + controller.preview_steps + 1)
     position = 0
@@ -71,14 +73,14 @@ def c_step(loaded: ctypes.CDLL, scenario: Scenario) -> Callable[[], float]:
     return once
 
 
-def largest_difference(loaded: ctypes.CDLL, flight: Flight) -> float:
+def largest_difference(loaded: ctypes.CDLL, flight: Run) -> float:
     """Largest difference of C's controls, predictions and deviations of U from a flight's, over all its steps.
 
     C sees the states of the flight, and keeps U and Pu of its own from the first step on.
     """
     utc, _, steps = _prepared(loaded, flight)
     names = flight.telemetry_names
-    predicted = flight.telemetry[:, names.index("predicted_rate")]
+    predicted = flight.telemetry[:, names.index("predicted_yaw_rate")]
     first = next(i for i, name in enumerate(names) if name.startswith("std_"))
     largest = 0.0
     for k in range(steps):
@@ -99,28 +101,28 @@ def roll_outs(loaded: ctypes.CDLL, scenario: Scenario) -> dict[str, Callable[[],
     The nine of UTC by the package and by C, and those that a Gauss-Newton step over one held control needs.
     """
     flight, utc = simulate(scenario), CUtc(loaded, scenario)
-    model, parameters = build_model(scenario), scenario.controller
-    assert isinstance(parameters, UtcParameters)
-    tracked, steps = RATE_AT[scenario.reference.signal], parameters.horizon_steps
-    middle = len(flight.commands) // 2
+    plant, parameters = flight.plant, scenario.controller
+    assert isinstance(parameters, UtcSettings)
+    steps, middle = parameters.steps[-1], len(flight.commands) // 2
     state, applied = flight.states[middle], flight.commands[middle]
     share = np.random.default_rng(1).random((9, 4))
-    points = model.control_min + share * (model.control_max - model.control_min)
-
-    predict = SkydiverPrediction(model, parameters, tracked)
-    outputs, saved, rates = np.empty((9, 1)), np.empty((9, 4)), np.empty(9)
-    given = (state, applied, points, flight.reference, outputs, saved)
-    addresses = [address(array) for array in (state, applied, points, rates)]
-    predict(*given)
+    names, limits = plant.output_names, limits_of(plant)
+    package = RollOut(plant.model, len(names), (steps,), (names.index("yaw_rate"),), limits, (9, 4))
+    package.points[:] = plant.minimum + share * (plant.maximum - plant.minimum)
+    rates = np.empty(9)
+    addresses = [address(array) for array in (state, applied, package.points, rates)]
+    package(state, applied, flight.reference)
     utc.propagate(*addresses)
-    _check(float(np.abs(outputs[:, 0] - rates).max()))
+    _check(float(np.abs(package.outputs[:, 0] - rates).max()))
 
-    held = SkydiverRollOut(model, Horizon(steps, blocks=1, periods=1), tracked)
+    settings = GaussNewtonSettings(horizon_steps=steps, blocks=1, step_periods=1)
+    held = Horizon(settings, plant, ("yaw_rate",), 5)
+    held.sequences[:] = package.points[:5, np.newaxis]
     return {
-        "package": _timed(predict, *given),
+        "package": _timed(package, state, applied, flight.reference),
         "C": _timed(utc.propagate, *addresses),
         "package, the five of a held Gauss-Newton step": _timed(
-            held, state, applied, points[:5, np.newaxis], np.empty((5, steps))
+            held.outputs, state, applied, flight.reference
         ),
     }
 
@@ -141,9 +143,9 @@ def _check(difference: float) -> None:
         )
 
 
-def _prepared(loaded: ctypes.CDLL, flight: Flight) -> tuple[CUtc, np.ndarray, int]:
+def _prepared(loaded: ctypes.CDLL, flight: Run) -> tuple[CUtc, np.ndarray, int]:
     scenario, steps = flight.scenario, len(flight.commands)
-    preview_steps = build_controller(scenario).preview_steps
+    preview_steps = build_controller(scenario, flight.plant, build_reference(scenario)).preview_steps
     profile = build_reference(scenario).preview(0, steps + preview_steps + 1)
     utc = CUtc(loaded, scenario)
     utc.prepare(profile, steps)

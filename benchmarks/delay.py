@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a delay between state and command costs, with and without compensation: ``python benchmarks/delay.py``.
 
 In process and without a clock, so the figures are the same each time: the command that answers the state at k acts
@@ -9,17 +10,16 @@ from collections import deque
 import click
 import numpy as np
 
+from skydiver_utc.analysis.numbers import SETTLING_S
+from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import Scenario, load_scenario
-from skydiver_utc.plant.skydiver import RATE_AT
-from skydiver_utc.simulation.build import build_controller, build_plant, build_reference
-
-_FROM_S = 2.0  # as the metrics of a flight count
 
 
 def rmse_deg_s(scenario: Scenario, delay: int, compensated: int) -> float:
     """Error of the tracked rate from 2 s on, with commands `delay` steps late and `compensated` steps predicted."""
     plant, reference = build_plant(scenario), build_reference(scenario)
-    controller = build_controller(scenario, compensated)
+    controller = build_controller(scenario, plant, reference, compensated)
+    tracked = plant.output_names.index(reference.outputs[0])
     state, held = plant.initial_state(), plant.initial_applied()
     waiting = deque([held[:4]] * delay)
     errors = []
@@ -27,8 +27,8 @@ def rmse_deg_s(scenario: Scenario, delay: int, compensated: int) -> float:
         waiting.append(controller.decide(state, reference.preview(k, controller.preview_steps + 1)).control)
         before, held = held, plant.actuate(waiting.popleft(), held)
         state = plant.step(state, before, held)
-        if (k + 1) * scenario.dt_s >= _FROM_S:
-            errors.append(state[RATE_AT[scenario.reference.signal]] - reference.value(k + 1))
+        if (k + 1) * scenario.dt_s >= SETTLING_S:
+            errors.append(plant.outputs(state)[tracked] - reference.preview(k + 1, 1)[0, 0])
     return float(np.rad2deg(np.sqrt(np.mean(np.square(errors)))))
 
 

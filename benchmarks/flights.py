@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One flight over four processes with the recorder on, and the bare nodes beside it."""
 
 import json
@@ -10,8 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from skydiver_utc.parameters import Scenario, to_yaml
-from skydiver_utc.verbs.node_processes import (
+from skydiver_utc.cli.node_processes import (
     CONTROLLER,
     PLANT,
     RECORDER,
@@ -19,7 +19,8 @@ from skydiver_utc.verbs.node_processes import (
     NodeProcesses,
     Parameters,
 )
-from skydiver_utc.verbs.ros_environment import node_environment
+from skydiver_utc.cli.ros_environment import node_environment
+from skydiver_utc.parameters import Scenario, to_yaml
 
 SCENARIO = "fast_turn_unknown_dynamics"
 BAG = "bag"  # where a flight is recorded, in its folder

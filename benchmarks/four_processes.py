@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time a lockstep flight over four processes with the recorder on beside a bare loop of four: ``make bench-ros``.
 
 The bare loop (``bare_nodes.py``) sends the same messages from plain callbacks and computes nothing. The two take
@@ -11,7 +12,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
-import msgspec
 import numpy as np
 from bare_nodes import Loop
 from flights import BAG, SCENARIO, bare, fly
@@ -21,11 +21,11 @@ from rich.progress import track
 from rich.table import Table
 from timing import machine
 
-from skydiver_utc.nodes.node_parameters import resolve
+from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import Scenario, load_scenario
-from skydiver_utc.plant.skydiver import CONTROL_NAMES
+from skydiver_utc.parameters.nodes import ReferenceNodeSettings
+from skydiver_utc.parameters.skydiver import CONTROLS as CONTROL_NAMES
 from skydiver_utc.recording.reader import read_bag
-from skydiver_utc.simulation.build import build_controller, build_plant
 
 _FACTOR = 1.2
 _JOINT_STATES_EVERY = 8  # steps: the display rate of about 30 Hz
@@ -46,7 +46,7 @@ class Turn(NamedTuple):
 
 def bare_turn(scenario: Scenario) -> Turn:
     """The bare loop."""
-    loop = msgspec.json.encode(_loop(scenario)).decode()
+    loop = json.dumps(_loop(scenario))
     others = (["recorder"], ["controller", loop], ["reference", loop])
     sent_at_ns = bare(["plant", loop], others)
     return Turn(np.diff(np.array(sent_at_ns)) * 1e-9, np.empty(0))
@@ -66,16 +66,18 @@ def our_turn(scenario: Scenario) -> Turn:
 
 
 def _loop(scenario: Scenario) -> Loop:
-    chunk_steps = int(resolve("reference", {}).own["chunk_steps"])
+    chunk_steps = ReferenceNodeSettings().chunk_steps
+    plant, reference = build_plant(scenario), build_reference(scenario)
+    controller = build_controller(scenario, plant, reference)
     return Loop(
         steps=scenario.steps,
         dt_ns=scenario.dt_ns,
         control_names=list(CONTROL_NAMES),
-        joint_names=list(build_plant(scenario).joint_names),
-        telemetry_names=[*build_controller(scenario).telemetry_names, "solve_time", "status"],
+        joint_names=list(plant.joint_names),
+        telemetry_names=[*controller.telemetry_names, "solve_time", "status"],
         joint_states_every=_JOINT_STATES_EVERY,
         chunk_steps=chunk_steps,
-        preview_points=scenario.preview_steps + 2 * chunk_steps + 1,
+        preview_points=controller.preview_steps + 2 * chunk_steps + 1,
     )
 
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A link of two Ethernet ends (TAP devices) that delays and loses frames, and a ping over it; Linux, root.
 
 The kernel's own `tc qdisc ... netem` does this, too, but many kernels are built without it. As there, a frame is

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Two machines on one: network, host name and shared memory of their own, a lossy link between them; Linux, root.
 
 A machine is a process that waits in namespaces of its own, its programs are started by `nsenter`. Nothing of it

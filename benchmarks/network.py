@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fly over two machines with a network between them that delays and loses: ``make network``.
 
 Plant and recorder are on one machine, controller and reference on the other (`machines.py`). In lockstep the flight
@@ -22,12 +23,11 @@ import click
 from machines import ADDRESSES, Conditions, Machine, ping, two_machines, why_not
 
 from skydiver_utc.analysis.metrics import metrics
-from skydiver_utc.analysis.recorded_flight import read_flight
+from skydiver_utc.analysis.recorded_run import read_run
+from skydiver_utc.cli.node_processes import PACKAGE_FOLDER
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import load_scenario
-from skydiver_utc.simulation.closed_loop import simulate
-from skydiver_utc.simulation.flight import Flight
-from skydiver_utc.simulation.outcome import dorsal_axis_height
-from skydiver_utc.verbs.node_processes import PACKAGE_FOLDER
 
 SCENARIO = "fast_turn_unknown_dynamics"
 MULTICAST = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
@@ -44,8 +44,8 @@ _SERVERS = ("controller", "reference")
 _GRACE_S = 30.0
 
 
-class Run:
-    """The nodes of one flight on two machines; `folder` gets their logs and the bag."""
+class TwoMachines:
+    """The nodes of one run on two machines; `folder` gets their logs and the bag."""
 
     def __init__(
         self,
@@ -66,7 +66,7 @@ class Run:
         places = {
             "recorder": (plants, {**common, "bag_folder": folder / "bag"}),
             "controller": (controllers, {**waiting, "mode": mode, **controller}),
-            "reference": (controllers, waiting),
+            "reference": (controllers, common),
             "plant": (plants, {**waiting, "mode": mode, "progress": True, **plant}),
         }
         self._processes = {kind: self._start(kind, *place) for kind, place in places.items()}
@@ -100,7 +100,7 @@ class Run:
             raise RuntimeError(f"{error}; the plant printed:\n{self.log('plant')}") from None
         lines = [line for line in self.log("plant").splitlines() if line.startswith("{")]
         if not lines:
-            raise RuntimeError(f"the plant told no outcome; it printed:\n{self.log('plant')}")
+            raise RuntimeError(f"the plant reported no outcome; it printed:\n{self.log('plant')}")
         return dict(json.loads(lines[-1]))
 
     def end(self) -> None:
@@ -117,7 +117,7 @@ class Run:
                 process.wait()
 
 
-def equals_simulation(flight: Flight) -> bool:
+def equals_simulation(flight: Run) -> bool:
     """True where every state and command has the bits of the flight in one process."""
     alone = simulate(flight.scenario)
     return all(
@@ -126,9 +126,9 @@ def equals_simulation(flight: Flight) -> bool:
     )
 
 
-def belly_to_earth(flight: Flight) -> bool:
-    """True where the dorsal axis never went below the horizon."""
-    return bool((dorsal_axis_height(flight.states) > 0.0).all())
+def belly_to_earth(flight: Run) -> bool:
+    """True if the dorsal axis never went below the horizon."""
+    return not any(flight.plant.mishap(state) for state in flight.states)
 
 
 def flight_over(conditions: Conditions, mode: str, duration_s: float, delay_steps: int) -> list[str]:
@@ -136,22 +136,22 @@ def flight_over(conditions: Conditions, mode: str, duration_s: float, delay_step
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="skydiver_utc_network_")))
         machines = stack.enter_context(two_machines(conditions))
-        run = Run(machines, folder, mode, duration_s, controller={"delay_steps": delay_steps})
+        run = TwoMachines(machines, folder, mode, duration_s, controller={"delay_steps": delay_steps})
         stack.callback(run.end)
-        told = run.outcome(600.0 + 2 * duration_s)
-        flight = read_flight(folder / "bag")
+        reported = run.outcome(600.0 + 2 * duration_s)
+        flight = read_run(folder / "bag")
     error = metrics(flight)["rmse_deg_s"] if mode == "real_time" else math.nan
-    rate = (told["states"] - 1) / told["wall_time_s"]
+    rate = (reported["states"] - 1) / reported["wall_time_s"]
     if mode == "lockstep":
         judged = "the simulated one" if equals_simulation(flight) else "DIFFERS"
     else:
-        account = told["real_time"]
+        account = reported["real_time"]
         parts = {kind: account[kind] for kind in ("on_time", "late", "stale", "lost")}
         whole = sum(parts.values()) == account["steps"] == flight.scenario.steps
         shares = ", ".join(f"{kind} {100 * n / account['steps']:.1f} %" for kind, n in parts.items())
         judged = f"{shares}{'' if whole else ' UNACCOUNTED'}; RMSE {error:.1f} deg/s"
         judged += "" if belly_to_earth(flight) else "; ROLLED OVER"
-    return [str(conditions), mode.replace("_", " "), told["outcome"], f"{rate:.1f}", judged]
+    return [str(conditions), mode.replace("_", " "), reported["outcome"], f"{rate:.1f}", judged]
 
 
 @click.command()
@@ -169,9 +169,9 @@ def main(duration_s: float, modes: tuple[str, ...], delay_steps: int) -> None:
     click.echo("| link: delay each way, loss | round trip of a datagram | came back |\n|---|---|---|")
     for conditions in CONDITIONS:
         with two_machines(conditions) as (here, there):
-            told = ping(here, there, 500)
-        least, median, most = (told[f"round_trip_ms_{name}"] for name in ("min", "median", "max"))
-        back = f"{told['came_back']} of {told['sent']}"
+            reported = ping(here, there, 500)
+        least, median, most = (reported[f"round_trip_ms_{name}"] for name in ("min", "median", "max"))
+        back = f"{reported['came_back']} of {reported['sent']}"
         click.echo(f"| {conditions} | {least} to {most}, median {median} ms | {back} |")
     click.echo("\n| link | mode | outcome | steps/s | the flight |\n|---|---|---|---|---|")
     for mode in modes:

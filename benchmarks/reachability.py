@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a turn asks of the body, without any controller: its acceleration as a share of the largest there is.
 
 The largest is over all held postures and controls within their bounds. The acceleration is linear in damping and
@@ -10,11 +11,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.analysis.metrics import SETTLING_S, row_from
+from skydiver_utc.analysis.numbers import SETTLING_S, row_from
+from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Scenario
-from skydiver_utc.plant.model import build_model
-from skydiver_utc.plant.steady import HeldBody, straight_falls
-from skydiver_utc.simulation.flight import Flight
+from skydiver_utc.plants.skydiver.model import build_model
+from skydiver_utc.plants.skydiver.steady import HeldBody, straight_falls
 
 Array = NDArray[np.float64]
 
@@ -26,7 +27,7 @@ _EACH_S = 0.05
 
 def bodies_at_the_bounds(scenario: Scenario) -> list[HeldBody]:
     """Those among which each largest yaw acceleration is."""
-    model, limits = build_model(scenario), scenario.plant.limits
+    model, limits = build_model(scenario.plant, scenario.dt_s), scenario.plant.limits
     controls = product(limits.Cm_damp_yaw, limits.k_right, limits.k_left, np.linspace(*limits.alpha, _ALPHAS))
     return [HeldBody(model, np.array(control)) for control in controls]
 
@@ -41,7 +42,10 @@ def of_sines(scenario: Scenario, amplitudes: tuple[float, ...], frequencies: tup
 
     One row per amplitude [deg/s], one column per frequency [Hz].
     """
-    bodies, fall = bodies_at_the_bounds(scenario), straight_falls(build_model(scenario))[0]
+    bodies, fall = (
+        bodies_at_the_bounds(scenario),
+        straight_falls(build_model(scenario.plant, scenario.dt_s))[0],
+    )
     rates = np.linspace(0.0, np.deg2rad(max(amplitudes)), _RATES)
     turns = (fall.up * (rate / fall.up[_YAW]) for rate in rates)
     largest = np.array([yaw_accelerations(bodies, fall.velocity, turn).max() for turn in turns])
@@ -54,13 +58,14 @@ def of_sines(scenario: Scenario, amplitudes: tuple[float, ...], frequencies: tup
     return np.array([[share(np.deg2rad(a), f) for f in frequencies] for a in amplitudes])
 
 
-def in_flight(flight: Flight) -> tuple[float, float]:
+def in_flight(flight: Run) -> tuple[float, float]:
     """The largest share after 2 s that the reference asks for where this flight is, and how often it passes 1."""
     bodies, dt_s = bodies_at_the_bounds(flight.scenario), flight.scenario.dt_s
     shares = []
     for k in range(row_from(SETTLING_S, flight), len(flight.reference) - 1, round(_EACH_S / dt_s)):
-        asked = (flight.reference[k + 1] - flight.reference[k]) / dt_s
-        if asked * flight.reference[k] > 0.0:
+        reference = flight.reference[:, 0]
+        asked = (reference[k + 1] - reference[k]) / dt_s
+        if asked * reference[k] > 0.0:
             there = yaw_accelerations(bodies, flight.states[k, 7:10], flight.states[k, 10:13])
             shares.append(asked / (there.max() if asked > 0.0 else there.min()))
     return max(shares), float(np.mean(np.array(shares) > 1.0))

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The table of docs/rivals.md, UTC beside its rivals on the same plant and tasks: ``python benchmarks/rivals.py``.
 
 Each controller flies the fast turn (400 deg/s at 0.2 Hz) with its scenario's parameters, and the slow turn
@@ -6,34 +7,33 @@ a decision takes is in docs/benchmarks.md. With --tool-chains the rows of tool_c
 minutes: ``make rivals-tools``.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import click
 
 from skydiver_utc.analysis.metrics import metrics
-from skydiver_utc.control.protocol import Controller
+from skydiver_utc.loop.closed_loop import Build, simulate
+from skydiver_utc.loop.registry import build_controller
 from skydiver_utc.parameters import Scenario
-from skydiver_utc.simulation.build import build_controller
-from skydiver_utc.simulation.closed_loop import simulate
-from skydiver_utc.studies.runs import run
+from skydiver_utc.studies.cases import case
 
 FLOWN = {
     one.command: one
     for one in (
-        run("fast_turn_pose_only"),
-        run("fast_turn_pose_tuned"),
-        run("fast_turn_pose_feed_forward"),
-        run("fast_turn_lqr"),
-        run("fast_turn_gauss_newton_held"),
-        run("fast_turn_gauss_newton"),
-        run("fast_turn_gauss_newton", ("controller.blocks", 20)),
-        run("fast_turn_mppi"),
-        run("fast_turn_unknown_dynamics"),
-        run("fast_turn_unknown_dynamics_tuned"),
-        run("fast_turn_pi_dynamics"),
-        run("fast_turn_pi_dynamics_tuned"),
-        run("fast_turn_beyond_the_paper"),
+        case("fast_turn_pose_only"),
+        case("fast_turn_pose_tuned"),
+        case("fast_turn_pose_feed_forward"),
+        case("fast_turn_lqr"),
+        case("fast_turn_gauss_newton_held"),
+        case("fast_turn_gauss_newton"),
+        case("fast_turn_gauss_newton", ("controller.blocks", 20)),
+        case("fast_turn_mppi"),
+        case("fast_turn_unknown_dynamics"),
+        case("fast_turn_unknown_dynamics_tuned"),
+        case("fast_turn_pi_dynamics"),
+        case("fast_turn_pi_dynamics_tuned"),
+        case("fast_turn_beyond_the_paper"),
     )
 }
 SLOW = (("reference.amplitude_deg_s", 180.0), ("reference.frequency_hz", 0.1))
@@ -45,13 +45,13 @@ class Entry(NamedTuple):
     name: str
     fast: Scenario
     slow: Scenario
-    build: Callable[[Scenario], Controller]
+    build: Build
 
 
 def package() -> Iterator[Entry]:
     """The controllers of the package."""
     for command, one in FLOWN.items():
-        slow = run(one.scenario, *one.settings, *SLOW).load()
+        slow = case(one.scenario, *one.settings, *SLOW).load()
         yield Entry(command, one.load(), slow, build_controller)
 
 

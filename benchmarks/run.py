@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time what matters, in one run on this machine: ``make bench``.
 
 Rows of one group take turns; `ratio` is the median as a multiple of the group's first. All times are processor
@@ -12,7 +13,6 @@ from dataclasses import asdict
 from importlib.util import find_spec
 
 import click
-import numpy as np
 import startup
 from c_transcription import compiler, library
 from controllers import FAST, c_step, decision, roll_outs, short
@@ -21,11 +21,9 @@ from rich.progress import track
 from rich.table import Table
 from timing import Group, Row, Subject, machine
 
-from skydiver_utc.jit import kernel
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.registry import build_plant
 from skydiver_utc.parameters import load_scenario
-from skydiver_utc.plant.dynamics import WORK_SIZE, drive_limbs, moving_step, rk4_step
-from skydiver_utc.simulation.build import build_plant
-from skydiver_utc.simulation.closed_loop import simulate
 
 _STEPS_IN_A_LOOP = 2000
 # Label: scenario and what is changed in it. All look twenty steps ahead; MPPI's are four control periods long.
@@ -39,37 +37,17 @@ _RIVALS: dict[str, tuple[str, dict[str, object]]] = {
 }
 _SHORT_RIVALS: dict[str, tuple[str, dict[str, object]]] = {
     "UTC, eq:m1utc": ("fast_turn_pi_dynamics", {}),
-    "UTC, square-root form": (FAST, {"controller.horizon_steps": 5, "controller.square_root": True}),
 }
 
 
-@kernel
-def _many_steps(model, state, control, work, count):
-    for i in range(count):
-        control[3] = 1e-3 * (i % 1000)
-        rk4_step(model, state, control, state, work)
-
-
-@kernel
-def _many_moving_steps(model, state, applied, work, count):
-    for i in range(count):
-        before = applied.copy()
-        drive_limbs(model, 1e-3 * (i % 1000), before, applied)
-        moving_step(model, state, before, applied, state, work)
-
-
-def plant_step(steps: Callable[..., None], size: int) -> Callable[[], float]:
-    """One RK4 step inside a jitted loop, with an applied control of `size` numbers [s]."""
+def plant_step() -> float:
+    """One step of the plant, called from Python, its posture moving [s]."""
     plant = build_plant(load_scenario(FAST))
-    start, work = plant.initial_state(), np.empty(WORK_SIZE)
-
-    def once() -> float:
-        state, applied = start.copy(), np.zeros(size)
-        begin = time.process_time()
-        steps(plant.model, state, applied, work, _STEPS_IN_A_LOOP)
-        return (time.process_time() - begin) / _STEPS_IN_A_LOOP
-
-    return once
+    state, before = plant.initial_state(), plant.initial_applied()
+    begin = time.process_time()
+    for _ in range(_STEPS_IN_A_LOOP):
+        state = plant.step(state, before, before)
+    return (time.process_time() - begin) / _STEPS_IN_A_LOOP
 
 
 def whole_flight() -> Callable[[], float]:
@@ -125,14 +103,7 @@ def chains() -> Iterator[Group]:
 
 def parts() -> Iterator[Group]:
     """What a step is made of, and what is made of steps."""
-    yield Group(
-        "one step of the skydiver, RK4",
-        (
-            Subject("posture held (the controllers' model)", plant_step(_many_steps, 4)),
-            Subject("posture moving (the plant)", plant_step(_many_moving_steps, 5)),
-        ),
-        rounds=200,
-    )
+    yield Group("one step of the skydiver", (Subject("the plant", plant_step),), rounds=20)
     yield Group(
         "a flight of 4762 steps", (Subject("simulate fast turn", whole_flight(), unit="s"),), rounds=5
     )

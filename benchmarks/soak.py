@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fly for long, in lockstep and in real time, and say what grew, what is missing and what was late: ``make soak``.
 
 Each part is one flight over four processes with the recorder on. The real-time part is set beside a bare pair of

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a soak has to hold, bar by bar: see ``soak.py``."""
 
 from collections.abc import Mapping

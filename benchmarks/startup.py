@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Processes from start to end: what a user waits for before anything flies."""
 
 import os
@@ -14,11 +15,11 @@ from skydiver_utc.parameters.loading import config_folder
 
 FIRST_DECISION = (
     "from skydiver_utc.parameters import load_scenario\n"
-    "from skydiver_utc.simulation.closed_loop import simulate\n"
+    "from skydiver_utc.loop.closed_loop import simulate\n"
     "simulate(load_scenario('fast_turn_unknown_dynamics', {'duration_s': 0.0042}))\n"
 )
-IMPORT = "import skydiver_utc.simulation.closed_loop"
-HELP = "import sys; from skydiver_utc.cli import main; sys.argv = ['skydiver-utc', '--help']; main()"
+IMPORT = "import skydiver_utc.loop.closed_loop"
+HELP = "import sys; from skydiver_utc.cli.main import main; sys.argv = ['skydiver-utc', '--help']; main()"
 NOTHING = "pass"
 
 

@@ -1,16 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
 """What each subject can do, with each suit: ``python benchmarks/subjects.py`` prints the table of docs/model.md.
 
-The amplitude of the fast turn is that of ``skydiver-utc trim --reachable`` (skydiver_utc/verbs/reachable.py).
+The amplitude of the fast turn is that of ``skydiver-utc trim --reachable`` (skydiver_utc/cli/reachable.py).
 """
 
 import click
 
 from skydiver_utc.body.posture import pattern_direction
 from skydiver_utc.body.segments import build_body
+from skydiver_utc.cli.reachable import reachable_amplitude, tracked
 from skydiver_utc.parameters import load_scenario
-from skydiver_utc.plant.model import build_model
-from skydiver_utc.plant.trim import FallingBody, straight_fall
-from skydiver_utc.verbs.reachable import reachable_amplitude, tracked
+from skydiver_utc.plants.skydiver.model import build_model
+from skydiver_utc.plants.skydiver.trim import in_posture, straight_fall
 
 # Subject, suit and the neutral posture for both.
 ROWS = (
@@ -25,12 +26,17 @@ ROWS = (
 
 def row(subject: str, suit: str, posture: str) -> str:
     """One line of the table in Markdown."""
-    overrides: dict[str, object] = {"subject": subject, "subject.suit": suit, "posture": posture}
+    overrides: dict[str, object] = {
+        "plant.subject": subject,
+        "plant.subject.suit": suit,
+        "plant.posture": posture,
+    }
     scenario = load_scenario("bank_recovery", overrides)
-    person, alpha = scenario.subject, scenario.plant.limits.alpha[1]
-    trim = straight_fall(scenario, scenario.posture, scenario.initial.pitch_deg)
-    falling = FallingBody(build_body(person), build_model(scenario), trim.pitch)
-    yaw = falling.acceleration(trim.angles + alpha * pattern_direction(scenario.pattern), trim.speed)[5]
+    person, alpha = scenario.plant.subject, scenario.plant.limits.alpha[1]
+    trim = straight_fall(scenario, scenario.plant.posture, scenario.plant.initial.pitch_deg)
+    turned = trim.angles + alpha * pattern_direction(scenario.plant.pattern)
+    held = in_posture(build_body(person), build_model(scenario.plant, scenario.dt_s), turned)
+    yaw = held.straight_down(trim.speed, trim.pitch)[5]
     amplitude = reachable_amplitude(scenario, tracked)
     return (
         f"| `{subject}` | `{suit}` | `{posture}` | {person.mass_kg:g} | {person.height_m:.2f}"

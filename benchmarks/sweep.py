@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How far one setting of UTC follows, and how far the body can: ``python benchmarks/sweep.py``.
 
 The skydiver follows sines of every amplitude and frequency of a grid, with one setting of a controller at a time:
@@ -14,9 +15,9 @@ import numpy as np
 import reachability
 
 from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import load_scenario
-from skydiver_utc.simulation.closed_loop import simulate
-from skydiver_utc.simulation.flight import Flight
 
 AMPLITUDES = (100, 200, 300, 400)
 FREQUENCIES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
@@ -34,12 +35,12 @@ def turn_of(amplitude: float, frequency: float) -> dict[str, float | int]:
     return {"reference.amplitude_deg_s": float(amplitude), "reference.frequency_hz": frequency}
 
 
-def sweep(scenario: str) -> list[list[Flight]]:
+def sweep(scenario: str) -> list[list[Run]]:
     """Each turn flown, one row per amplitude."""
     return [[simulate(load_scenario(scenario, turn_of(a, f))) for f in FREQUENCIES] for a in AMPLITUDES]
 
 
-def result(flight: Flight) -> tuple[float, float]:
+def result(flight: Run) -> tuple[float, float]:
     """RMSE after 2 s [deg/s] and convergence time [s], inf for never."""
     values = metrics(flight)
     since = values["convergence_time_s"]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How rows are timed: those to be compared take turns, so that what else the machine does meets them alike."""
 
 import platform

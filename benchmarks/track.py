@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The posture track made again, and how slowly a track falls in each suit: ``python benchmarks/track.py``.
 
 Without rotation, force and moment are linear in the wind's direction, so that in the plane of symmetry the straight
@@ -7,14 +8,13 @@ falls of a posture follow from two sums over the segments, without a search.
 from typing import NamedTuple
 
 import click
-import msgspec
 import numpy as np
 from scipy.optimize import differential_evolution, minimize
 
 from skydiver_utc.body.posture import ANGLES, Configuration, configuration
 from skydiver_utc.body.segments import JOINTS, SEGMENTS, build_body
 from skydiver_utc.parameters import Scenario, load_scenario
-from skydiver_utc.plant.model import GRAVITY_M_S2
+from skydiver_utc.plants.skydiver.model import GRAVITY_M_S2
 
 SUITS = ("formation", "standard", "rig")
 # Joint angles that are searched, both sides alike; those of a stretched track, and their ranges [deg].
@@ -51,7 +51,7 @@ def placed(scenario: Scenario, degrees: np.ndarray, ankle: float = -50.0) -> tup
         angles[[row for row, name in enumerate(JOINTS) if name.endswith(joint)], column] = value
     angles[JOINTS.index("neck"), 0] = -20.0
     angles[[JOINTS.index("left_ankle"), JOINTS.index("right_ankle")], 0] = ankle
-    body = build_body(scenario.subject)
+    body = build_body(scenario.plant.subject)
     track = configuration(body, np.deg2rad(angles))
     return track, np.einsum("ijk,ik,ilk->ijl", track.rotation, body.drag_area, track.rotation)
 
@@ -66,7 +66,9 @@ def fall(scenario: Scenario, degrees: np.ndarray) -> Fall:
     direction = np.array([np.sin(incidence), 0.0, -np.cos(incidence)])
     force = -areas.sum(axis=0) @ direction
     strength = float(np.linalg.norm(force))
-    speed = np.sqrt(scenario.subject.mass_kg * GRAVITY_M_S2 / (0.5 * scenario.air.density_kg_m3 * strength))
+    speed = np.sqrt(
+        scenario.plant.subject.mass_kg * GRAVITY_M_S2 / (0.5 * scenario.plant.air.density_kg_m3 * strength)
+    )
     up = force / strength
     rate = -speed * direction @ up
     forwards = speed * (direction[0] * up[2] - direction[2] * up[0])
@@ -75,7 +77,7 @@ def fall(scenario: Scenario, degrees: np.ndarray) -> Fall:
 
 def track_posture() -> np.ndarray:
     """Joint angles `FREE` [deg] nearest to a stretched track that meet the air of suit rig at `INCIDENCE`."""
-    scenario = load_scenario("bank_recovery", {"subject.suit": "rig"})
+    scenario = load_scenario("bank_recovery", {"plant.subject.suit": "rig"})
     start = STRETCHED + np.array([0, 0, 0, 0, 0, -10.0, 0, 5.0])
     found = minimize(
         lambda x: ((x - STRETCHED) ** 2).sum() / 100,
@@ -110,18 +112,18 @@ def told(flown: Fall) -> str:
 
 def with_axial_areas(scenario: Scenario, axial: dict[str, float]) -> Scenario:
     """The scenario with other axial drag areas [m2] for some kinds of segment."""
-    suit = scenario.subject.suit
+    suit = scenario.plant.subject.suit
     areas = {
         kind: (front, side, axial.get(kind, old)) for kind, (front, side, old) in suit.drag_areas_m2.items()
     }
-    replace = msgspec.structs.replace
-    return replace(scenario, subject=replace(scenario.subject, suit=replace(suit, drag_areas_m2=areas)))
+    subject = scenario.plant.subject.replace(suit=suit.replace(drag_areas_m2=areas))
+    return scenario.replace(plant=scenario.plant.replace(subject=subject))
 
 
 def variations() -> dict[str, Fall]:
     """What becomes of the track of the posture file when one thing is changed."""
-    rig = load_scenario("bank_recovery", {"subject.suit": "rig"})
-    formation = load_scenario("bank_recovery").subject.suit.drag_areas_m2
+    rig = load_scenario("bank_recovery", {"plant.subject.suit": "rig"})
+    formation = load_scenario("bank_recovery").plant.subject.suit.drag_areas_m2
     track = np.round(track_posture())
     thorax, hips, knees = (np.eye(len(FREE))[FREE.index((joint, 0))] for joint in ("thorax", "hip", "knee"))
     return {
@@ -144,7 +146,7 @@ def main() -> None:
         print(f"track, {change}: {told(flown)}")
     low = [row for row, segment in enumerate(SEGMENTS) if segment.kind in ("shank", "foot")]
     for suit in SUITS:
-        scenario = load_scenario("bank_recovery", {"subject.suit": suit})
+        scenario = load_scenario("bank_recovery", {"plant.subject.suit": suit})
         track, areas = placed(scenario, STRETCHED)
         front = areas[:, 2, 2]
         centre = front @ track.centre[:, 0] / front.sum()

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tune a controller on the fast turn: ``python benchmarks/tune.py CONTROLLER``, the same search for each.
 
 The first flight has the starting values. Half of the rest are drawn at random, each parameter log-uniform within
@@ -6,8 +7,8 @@ flight from a third of the way to FACTOR to a hundredth. Values are rounded to t
 parameter's bounds before they are flown. The objective is the RMSE after 2 s in deg/s, with ROLLED_OVER added for a
 body that rolled over and DIVERGED in its place for a flight that did not end; with ``--turns all`` one setting
 flies every turn of ``sweep.py``, and it is the root mean square of those, each counted as LOST at most. Prints one
-line per setting that is better than all before, and the parameters to write into the scenario. The tool chains
-(extra `bench`) solve the program of `gauss_newton` and are tuned in its parameters; theirs go into
+line per setting that is better than all before, and the parameters by dotted name, to write into the scenario. The
+tool chains (extra `bench`) solve the program of `gauss_newton` and are tuned in its parameters; theirs go into
 tool_chains/tuned.yaml.
 """
 
@@ -22,11 +23,14 @@ import tool_chains
 from sweep import AMPLITUDES, FREQUENCIES, turn_of
 
 from skydiver_utc.analysis.metrics import metrics
-from skydiver_utc.control.protocol import Controller
-from skydiver_utc.parameters import Leaf, Scenario, UtcParameters, leaves, load_scenario
-from skydiver_utc.simulation.build import build_controller
-from skydiver_utc.simulation.closed_loop import simulate
-from skydiver_utc.simulation.outcome import Outcome
+from skydiver_utc.controllers.protocol import Controller
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.loop.registry import build_controller
+from skydiver_utc.parameters import Scenario, leaves, load_scenario
+from skydiver_utc.plants.protocol import Plant
+from skydiver_utc.references.protocol import Reference
+from skydiver_utc.studies.tuning import FACTORS
 
 FACTOR = 30.0
 FLIGHTS = 64
@@ -34,91 +38,92 @@ ROLLED_OVER, DIVERGED = 100.0, 1000.0
 LOST = 20.0
 TASK = "fast_turn_pose_only"
 
-Values = dict[str, float | int]
+Values = dict[str, float | int]  # by dotted name below `controller`; HANDS stands for both hands
 
-_COSTS: Values = {
-    "rest_Cm_damp_yaw": 0.5,
-    "cost_Cm_damp_yaw": 0.1,
-    "cost_hands": 0.1,
-    "cost_alpha": 0.01,
-    "change_cost_Cm_damp_yaw": 1.0,
-    "change_cost_hands": 1.0,
-    "change_cost_alpha": 1.0,
-}
-_POSE: Values = {"K_p": 1.5, "K_FF": 0.1, "Cm_damp_yaw": 0.5}
-_UTC: Values = {
-    "P_err": 1e-4,
-    "Qu_ratio": 0.1,
-    "variance_Cm_damp_yaw": 6.25,
-    "variance_k_right": 0.01,
-    "variance_k_left": 0.01,
-    "variance_alpha": 0.01,
-    "covariance_12": 0.74,
-    "covariance_13": 0.74,
-    "covariance_14": 0.56,
-}
-_BEYOND = load_scenario("fast_turn_beyond_the_paper").controller
-_BEYOND_TUNED = (
-    *_UTC,
-    "horizon_steps",
-    "k_hyst_s",
-    "full_coupling_acceleration",
-    "rest_Cm_damp_yaw",
-    "P_rest_Cm_damp_yaw",
-    "P_rest_hands",
-)
+HANDS = "hands"
+_BOTH = ("k_right", "k_left")
+
+
+def expanded(values: Values) -> Values:
+    """The values with one for each hand."""
+    found: Values = {}
+    for name, value in values.items():
+        parts = name.split(".")
+        hands = _BOTH if HANDS in parts else ("",)
+        found |= {".".join(hand if part == HANDS else part for part in parts): value for hand in hands}
+    return found
+
+
+def own(scenario: str, *names: str) -> Values:
+    """A scenario's own values of its controller."""
+    values = {
+        leaf.name: leaf.value
+        for leaf in leaves(load_scenario(scenario).controller)
+        if isinstance(leaf.value, int | float)
+    }
+    return {name: values[next(iter(expanded({name: 0.0})))] for name in names}
 
 
 class Subject(NamedTuple):
-    """What is held, what is tuned from which start, and the tool chain that flies, where it is not the package."""
+    """Whose controller is tuned, what of it from which start, and the tool chain that flies, if not the package."""
 
-    held: dict[str, object]
+    scenario: str
     start: Values
     chain: str = ""
 
-    def build(self, scenario: Scenario) -> Controller:
+    def build(self, scenario: Scenario, plant: Plant, reference: Reference) -> Controller:
         """The controller that flies."""
         if not self.chain:
-            return build_controller(scenario)
+            return build_controller(scenario, plant, reference)
         from tool_chains.chains import controller_of  # an extra
 
-        return controller_of(self.chain)(scenario)
+        return controller_of(self.chain)(scenario, plant, reference)
 
 
-_HELD = Subject({"kind": "gauss_newton", "horizon_steps": 20, "blocks": 1}, _COSTS | {"step_periods": 1})
-_FIVE = Subject({"kind": "gauss_newton", "horizon_steps": 20, "blocks": 5}, _COSTS | {"step_periods": 1})
+_COSTS: Values = {
+    "rest.Cm_damp_yaw": 0.5,
+    "cost.Cm_damp_yaw": 0.1,
+    "cost.hands": 0.1,
+    "cost.alpha": 0.01,
+    "change_cost.Cm_damp_yaw": 1.0,
+    "change_cost.hands": 1.0,
+    "change_cost.alpha": 1.0,
+}
+_SAMPLES: Values = {
+    "temperature": 0.01,
+    "deviation.Cm_damp_yaw": 0.1,
+    "deviation.hands": 0.02,
+    "deviation.alpha": 0.03,
+}
+_POSE: Values = {"K_p": 1.5, "K_FF": 0.1, "Cm_damp_yaw": 0.5}
+_UTC = (*FACTORS, "horizon_steps")
+_UNKNOWN, _PI, _BEYOND = "fast_turn_unknown_dynamics", "fast_turn_pi_dynamics", "fast_turn_beyond_the_paper"
+_OF_BEYOND = (
+    *_UTC,
+    "coupling.k_hyst_s",
+    "coupling.full_acceleration",
+    "nominal.Cm_damp_yaw.value",
+    "nominal.Cm_damp_yaw.variance",
+    "nominal.hands.variance",
+)
+# These must lie inside the limits of the control, and UTC's horizon inside its own.
+_DAMPINGS = ("rest.Cm_damp_yaw", "nominal.Cm_damp_yaw.value")
+_HORIZON = (1.0, 500.0)
+_HELD = Subject("fast_turn_gauss_newton_held", _COSTS | {"step_periods": 1})
+_FIVE = Subject("fast_turn_gauss_newton", _COSTS | {"step_periods": 1})
 
 SUBJECTS: dict[str, Subject] = {
-    "pose": Subject({"kind": "pose"}, _POSE),
-    "pose_feed_forward": Subject({"kind": "pose"}, _POSE | {"alpha_feed_forward_max": 1.0}),
-    "lqr": Subject({"kind": "lqr"}, _COSTS | {"horizon_steps": 100}),
+    "pose": Subject(TASK, _POSE),
+    "pose_feed_forward": Subject(TASK, _POSE | {"alpha_feed_forward_max": 1.0}),
+    "lqr": Subject("fast_turn_lqr", _COSTS | {"horizon_steps": 100}),
     "gauss_newton_held": _HELD,
     "gauss_newton": _FIVE,
     **{f"{chain}_held": _HELD._replace(chain=chain) for chain in tool_chains.NAMES},
     **{chain: _FIVE._replace(chain=chain) for chain in tool_chains.NAMES},
-    "mppi": Subject(
-        {"kind": "mppi", "horizon_steps": 20, "blocks": 5, "samples": 64},
-        _COSTS
-        | {
-            "step_periods": 1,
-            "temperature": 0.01,
-            "deviation_Cm_damp_yaw": 0.1,
-            "deviation_hands": 0.02,
-            "deviation_alpha": 0.03,
-        },
-    ),
-    "utc_unknown_dynamics": Subject(
-        {"kind": "utc", "alpha_dynamics": "unknown", "saved_control_reading": "drawn"},
-        _UTC | {"horizon_steps": 20},
-    ),
-    "utc_pi_dynamics": Subject(
-        {"kind": "utc", "alpha_dynamics": "incremental", "saved_control_reading": "first_step"},
-        _UTC | {"horizon_steps": 5, "K_p": 1.5, "K_FF": 0.1},
-    ),
-    "utc_beyond_the_paper": Subject(
-        {"kind": "utc", **{name: getattr(_BEYOND, name) for name in ("aim", "W0")}},
-        {name: getattr(_BEYOND, name) for name in _BEYOND_TUNED},
-    ),
+    "mppi": Subject("fast_turn_mppi", _COSTS | {"step_periods": 1} | _SAMPLES),
+    "utc_unknown_dynamics": Subject(_UNKNOWN, own(_UNKNOWN, *_UTC)),
+    "utc_pi_dynamics": Subject(_PI, own(_PI, *_UTC, "dynamics.K_p", "dynamics.K_FF")),
+    "utc_beyond_the_paper": Subject(_BEYOND, own(_BEYOND, *_OF_BEYOND)),
 }
 
 
@@ -146,16 +151,27 @@ def error(subject: Subject, scenario: Scenario) -> float:
 
 def scenario_of(subject: Subject, values: Values, turn: Values) -> Scenario:
     """The fast turn with this controller, or another turn."""
-    return load_scenario(TASK, {"controller": subject.held | values, **turn})
+    changes = {f"controller.{name}": value for name, value in expanded(values).items()}
+    return load_scenario(subject.scenario, {**changes, **turn})
 
 
-def admitted(value: float, start: float | int, leaf: Leaf) -> float | int:
+def limits_of(scenario: Scenario, name: str) -> tuple[float, float]:
+    """Least and largest value of one of the controller's parameters."""
+    if name in _DAMPINGS:
+        low, high = scenario.plant.limits.Cm_damp_yaw
+        return low, high
+    wanted = next(iter(expanded({name: 0.0})))
+    (leaf,) = (leaf for leaf in leaves(scenario.controller) if leaf.name == wanted)
+    low, high = _HORIZON if name == "horizon_steps" else (-math.inf, math.inf)
+    return (
+        low if leaf.minimum is None else leaf.minimum,
+        high if leaf.maximum is None else leaf.maximum,
+    )
+
+
+def admitted(value: float, start: float | int, limits: tuple[float, float]) -> float | int:
     """A value as it is flown: three digits, whole where the start is, inside the parameter's bounds."""
-    value = float(f"{value:.3g}")
-    if leaf.minimum is not None:
-        value = max(value, leaf.minimum)
-    if leaf.maximum is not None:
-        value = min(value, leaf.maximum)
+    value = min(max(float(f"{value:.3g}"), limits[0]), limits[1])
     return round(value) if isinstance(start, int) else value
 
 
@@ -163,18 +179,14 @@ def search(subject: Subject, turns: list[Values], flights: int, seed: int) -> It
     """Flown parameters with their objectives."""
     generator = np.random.default_rng(seed)
     scenario = scenario_of(subject, subject.start, {})
-    bounds = {leaf.name: leaf for leaf in leaves(scenario)}
-    if isinstance(scenario.controller, UtcParameters):
-        # A rest that cannot be reached is refused.
-        rest, (low, high) = "controller.rest_Cm_damp_yaw", scenario.plant.limits.Cm_damp_yaw
-        bounds[rest] = bounds[rest]._replace(minimum=low, maximum=high)
+    bounds = {name: limits_of(scenario, name) for name in subject.start}
     names = list(subject.start)
     start = np.log([subject.start[name] for name in names])
     reach = math.log(FACTOR)
 
     def values(point: np.ndarray) -> Values:
         pairs = zip(names, np.exp(point), strict=True)
-        return {n: admitted(v, subject.start[n], bounds[f"controller.{n}"]) for n, v in pairs}
+        return {n: admitted(v, subject.start[n], bounds[n]) for n, v in pairs}
 
     best_point, best = start, math.inf
     random = 1 + (flights - 1) // 2
@@ -210,7 +222,7 @@ def main(controller: str, turns: str, flights: int, seed: int) -> None:
     print(f"# python benchmarks/tune.py {controller} --turns {turns} --flights {flights} --seed {seed}")
     print(f"# objective {best:.4g} deg/s, {time.process_time() - began:.0f} s of CPU")
     print("controller:")
-    for name, value in {**subject.held, **chosen}.items():
+    for name, value in expanded(chosen).items():
         print(f"  {name}: {value}")
 
 

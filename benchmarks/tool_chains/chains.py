@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tool chains that fly, by name, and the costs that they were tuned to (`tuned.yaml`)."""
 
 from collections.abc import Callable
@@ -6,10 +7,10 @@ from typing import NamedTuple
 
 from tune import TASK
 
-from skydiver_utc.control.protocol import Controller
+from skydiver_utc.controllers.protocol import Controller
 from skydiver_utc.parameters import ParameterError, Scenario, load_scenario
 from skydiver_utc.parameters.yaml_io import read_yaml
-from skydiver_utc.plant.skydiver import SkydiverPlant
+from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 from tool_chains import NAMES
 from tool_chains.controller import ToolChainController
 from tool_chains.ipopt import solve_by_ipopt
@@ -40,7 +41,9 @@ def controller_by(solver: Callable[[Program], Solve]) -> Callable[[Scenario], Co
 
     def build(scenario: Scenario) -> Controller:
         wanted = program(scenario)
-        return ToolChainController(wanted, solver(wanted), SkydiverPlant(scenario).initial_control())
+        return ToolChainController(
+            wanted, solver(wanted), SkydiverPlant(scenario.plant, scenario.dt_s).initial_control()
+        )
 
     return build
 

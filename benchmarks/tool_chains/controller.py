@@ -1,9 +1,10 @@
+# SPDX-License-Identifier: Apache-2.0
 """A tool chain behind the protocol of the package's controllers."""
 
 import numpy as np
 
-from skydiver_utc.control.horizon import first_period, one_period_on
-from skydiver_utc.control.protocol import Decision, Status
+from skydiver_utc.controllers.horizon import first_period, one_period_on
+from skydiver_utc.controllers.protocol import Decision, Status
 from tool_chains.model import reduced
 from tool_chains.program import Array, Program, Solve
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Each tool chain flies the skydiver from a point in a flight of the package on, and is timed on its way."""
 
 import time
@@ -7,10 +8,10 @@ from functools import partial
 import numpy as np
 from timing import Subject
 
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.registry import build_plant, build_reference
+from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Scenario, load_scenario
-from skydiver_utc.simulation.build import build_plant, build_reference
-from skydiver_utc.simulation.closed_loop import simulate
-from skydiver_utc.simulation.flight import Flight
 from tool_chains.chains import controller_by
 from tool_chains.ipopt import solve_by_ipopt, solve_by_opti
 from tool_chains.program import Program, Solve
@@ -46,7 +47,7 @@ def _scenario(name: str, steps: int) -> Scenario:
     )
 
 
-def _decision(flight: Flight, solve: Callable[[Program], Solve]) -> Callable[[], float]:
+def _decision(flight: Run, solve: Callable[[Program], Solve]) -> Callable[[], float]:
     """One decision along the chain's own flight [s]."""
     scenario = flight.scenario
     plant, controller = build_plant(scenario), controller_by(solve)(scenario)

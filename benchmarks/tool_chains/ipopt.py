@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """CasADi and IPOPT: as most people write it, and as fast as we can set it up. Both solve to convergence."""
 
 from functools import lru_cache

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The skydiver with a held posture as a smooth CasADi model.
 
 State (10,): quaternion x y z w, velocity and body rates in body axes; the package's without the position, on which
@@ -11,7 +12,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from skydiver_utc.plant.model import GEOMETRY_SIZE, INERTIA_AT, SEGMENT_COUNT, PlantModel
+from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, INERTIA_AT, SEGMENT_COUNT, PlantModel
+from skydiver_utc.rotations import up_components
 
 Array = NDArray[np.float64]
 
@@ -52,9 +54,7 @@ def derivative(model: PlantModel) -> ca.Function:
         ca.horzcat(g[i + 3], g[i + 1], g[i + 5]),
         ca.horzcat(g[i + 4], g[i + 5], g[i + 2]),
     )
-    up = ca.vertcat(
-        2 * (q[0] * q[2] - q[1] * q[3]), 2 * (q[1] * q[2] + q[0] * q[3]), 1 - 2 * (q[0] ** 2 + q[1] ** 2)
-    )
+    up = ca.vertcat(*up_components(q[0], q[1], q[2], q[3]))
     turning = 0.5 * ca.vertcat(q[3] * rates + ca.cross(q[:3], rates), -ca.dot(q[:3], rates))
     acceleration = force / model.mass - model.gravity * up - ca.cross(rates, velocity)
     spin = ca.mtimes(ca.inv(inertia), moment - ca.cross(rates, ca.mtimes(inertia, rates)))

@@ -1,6 +1,7 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nonlinear program that each tool chain solves at a decision: that of the package's `gauss_newton`.
 
-With y_j the yaw rate after j model steps and U (B, 4) one control per block, in `skydiver_utc/control/horizon.py`:
+With y_j the yaw rate after j model steps and U (B, 4) one control per block, in `skydiver_utc/controllers/horizon.py`:
 minimise J of U under the controls' bounds and the rate limit of alpha, which moves evenly over a block.
 """
 
@@ -12,13 +13,13 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from skydiver_utc.loop.rivals import horizon_cost, horizon_of
 
-from skydiver_utc.control.horizon import Horizon, HorizonCost
-from skydiver_utc.control.limits import ControlLimits
+from skydiver_utc.controllers.horizon import Horizon, HorizonCost
+from skydiver_utc.controllers.limits import ControlLimits
+from skydiver_utc.loop.registry import control_limits
 from skydiver_utc.parameters import GaussNewtonParameters, ParameterError, Scenario
-from skydiver_utc.plant.model import PlantModel, build_model
-from skydiver_utc.simulation.build import control_limits
-from skydiver_utc.simulation.rivals import horizon_cost, horizon_of
+from skydiver_utc.plants.skydiver.model import PlantModel, build_model
 
 Array = NDArray[np.float64]
 
@@ -71,7 +72,7 @@ def program(scenario: Scenario) -> Program:
         raise ParameterError(
             f"scenario {scenario.name}: the tool chains need controller.kind gauss_newton and a yaw rate to track"
         )
-    model, limits = build_model(scenario), control_limits(scenario)
+    model, limits = build_model(scenario.plant, scenario.dt_s), control_limits(scenario)
     structure = Structure(p.horizon_steps, p.blocks, _fingerprint(model), model)
     return Program(structure, limits, horizon_of(p), horizon_cost(p, limits))
 

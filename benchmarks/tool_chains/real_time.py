@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A real-time iteration: one quadratic program per decision, linearised by CasADi, condensed, solved by OSQP."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """do-mpc with one of its stages for each block: multiple shooting, IPOPT inside, solved to convergence."""
 
 import warnings

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The figures of docs/tuning.md: for each step of the recipe right and wrong settings side by side.
+
+``python benchmarks/tuning_guide.py docs/figures/tuning``
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+from telemetry_figure import telemetry_figure
+
+from skydiver_utc.analysis.style import png
+from skydiver_utc.studies.cases import Case, case, run_all, whole
+from skydiver_utc.studies.paper_cases import NO_FALL_RATE, PI, PRINTED_HANDS, UNKNOWN
+
+
+class Step(NamedTuple):
+    """One step of the recipe: cases side by side, each with the meaning of its settings."""
+
+    name: str
+    title: str
+    cases: dict[str, Case]
+
+
+def _nominal(damping: float, hands: float) -> tuple[str, object]:
+    return (
+        "controller.nominal",
+        {
+            "Cm_damp_yaw": {"value": 0.3, "variance": damping},
+            "k_right": {"value": 0.0, "variance": hands},
+            "k_left": {"value": 0.0, "variance": hands},
+        },
+    )
+
+
+STEPS = (
+    Step(
+        "1_weight",
+        "W0: how far the sigma points reach",
+        {
+            "W0 = -1: close": case(PI, ("controller.W0", -1.0)),
+            "W0 = 0.25": case(PI),
+            "W0 = 0.9: far": case(PI, ("controller.W0", 0.9)),
+        },
+    ),
+    Step(
+        "2_error",
+        "P_err: how accurately to track",
+        {
+            "P_err = 1e-6": case(UNKNOWN, ("controller.P_err", 1e-6)),
+            "P_err = 1e-4": case(UNKNOWN),
+            "P_err = 1: hardly tracks": case(UNKNOWN, ("controller.P_err", 1.0)),
+        },
+    ),
+    Step(
+        "3_covariance",
+        "Variances and coupling: how far each control moves, and which move together",
+        {
+            "damping variance / 100": case(UNKNOWN, ("controller.Pu.Cm_damp_yaw", 0.0625)),
+            "as it is": case(UNKNOWN),
+            "no covariances at all": case(
+                UNKNOWN, ("controller.coupling.signs", "none"), ("controller.coupling.alpha", 0.0)
+            ),
+        },
+    ),
+    Step(
+        "4_noise",
+        "Qu: how much the spread of the sigma points grows in each step",
+        {
+            "Qu = 0.001 Pu": case(UNKNOWN, ("controller.Qu_ratio", 0.001)),
+            "Qu = 0.1 Pu": case(UNKNOWN),
+            "Qu = 3 Pu": case(UNKNOWN, ("controller.Qu_ratio", 3.0)),
+        },
+    ),
+    Step(
+        "5_horizon",
+        "Horizon: as long as the slowest actuator needs",
+        {
+            "N = 5": case(UNKNOWN, ("controller.horizon_steps", 5)),
+            "N = 20": case(UNKNOWN),
+            "N = 60": case(UNKNOWN, ("controller.horizon_steps", 60)),
+        },
+    ),
+    Step(
+        "6_dynamics",
+        "Dynamics of alpha inside the horizon",
+        {
+            "held, N = 5": case(UNKNOWN, ("controller.horizon_steps", 5)),
+            "proportional, N = 5": case(PI),
+        },
+    ),
+    Step(
+        "7_outputs",
+        "Outputs: what else must not move",
+        {
+            "yaw rate alone, strong hands": case(PI, PRINTED_HANDS),
+            "and roll rate": case("fast_turn_paper_hands", NO_FALL_RATE),
+            "and roll and fall rate": case("fast_turn_paper_hands"),
+        },
+    ),
+    Step(
+        "8_rest",
+        "Nominal control: the controls that the outputs leave free",
+        {
+            "none": case(UNKNOWN),
+            "with nominal values": case(UNKNOWN, _nominal(damping=0.05, hands=1.0)),
+            "variances / 100: too tight": case(UNKNOWN, _nominal(damping=0.0005, hands=0.01)),
+        },
+    ),
+)  # fmt: skip
+
+
+@click.command(help=__doc__)
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--jobs", default=2, show_default=True)
+def main(folder: Path, jobs: int) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    cases = {one.command: one.load() for step in STEPS for one in step.cases.values()}
+    runs = run_all(cases, whole, jobs, lambda done: print(f"{done} of {len(cases)} runs", flush=True))
+    for step in STEPS:
+        shown = {label: runs[one.command] for label, one in step.cases.items()}
+        (folder / f"{step.name}.png").write_bytes(png(telemetry_figure(step.title, shown)))
+
+
+if __name__ == "__main__":
+    main()
