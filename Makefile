@@ -10,11 +10,12 @@ STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help install demo test kills lint bench bench-tools rivals-tools tools bench-ros study paper soak network clean
+.PHONY: help install demo test test-fast kills lint bench bench-tools rivals-tools tools bench-ros study paper soak network clean
 
 help:
 	@echo "make demo      fly SCENARIO ($(SCENARIO)) over ROS and record it below bags/"
 	@echo "make test      all tests, on up to four cores; ARGS=... goes to pytest"
+	@echo "make test-fast  the tests that start no processes and take seconds"
 	@echo "make kills     kill the recorder 20 times in flight, count what is recovered"
 	@echo "make lint      ruff and mypy"
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
@@ -35,8 +36,11 @@ demo: $(STAMP)
 test: $(STAMP)
 	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/pytest -n auto --maxprocesses 4 --dist worksteal $(ARGS)
 
+test-fast: $(STAMP)
+	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/pytest -n auto --maxprocesses 4 --dist worksteal -m 'not long and not processes' $(ARGS)
+
 kills: $(STAMP)
-	SKYDIVER_UTC_KILLS=20 $(VENV)/bin/pytest -q test/test_nodes_recovery.py $(ARGS)
+	SKYDIVER_UTC_KILLS=20 $(VENV)/bin/pytest -q test/ros/processes/test_recorded_run.py $(ARGS)
 
 lint: $(STAMP)
 	$(VENV)/bin/ruff check
@@ -63,7 +67,7 @@ study: $(STAMP)
 
 paper: study
 	$(VENV)/bin/skydiver-utc compare paper --out docs/paper
-	$(VENV)/bin/skydiver-utc study guide --out docs/figures/tuning
+	$(VENV)/bin/python benchmarks/tuning_guide.py docs/figures/tuning
 
 soak: $(STAMP)
 	$(VENV)/bin/python benchmarks/soak.py $(ARGS)
@@ -84,5 +88,7 @@ $(STAMP): | $(VENV)/bin/python
 	rm -rf build/lib build/bdist.*
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check 'pip>=24' 'setuptools>=77'
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation '.[ros,test,dev]'
+	@echo "Compiling the model, once for each installation."
+	$(VENV)/bin/skydiver-utc simulate fast_turn_unknown_dynamics --set duration_s=0.1 --quiet --json >/dev/null
 	rm -f $(VENV)/installed-*
 	touch $@

@@ -1,9 +1,10 @@
+# SPDX-License-Identifier: Apache-2.0
 from pathlib import Path
 
 from setuptools import find_packages, setup
 
 NAME = "skydiver_utc"
-NODES = ("plant_node", "reference_node", "controller_node", "recorder_node")
+NODES = ("plant_node", "reference_node", "controller_node", "recorder_node", "player_node")
 
 
 def shared(folder: str) -> list[tuple[str, list[str]]]:
@@ -21,17 +22,19 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.10",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed"]},
     install_requires=[
         "click>=8.1.6",
+        "daqp>=0.7",
         "matplotlib>=3.6.3",
         "mcap>=1.5",
-        "msgspec>=0.19",
         "numba>=0.61",
         "numpy>=1.26",
+        "pydantic>=2.6",
         "pyyaml>=6.0.1",
         "rich>=13.7",
         "rosbags>=0.11",
-        "scipy>=1.11",
+        "scipy>=1.11.1",
         "zstandard>=0.21",
     ],
     extras_require={
@@ -59,8 +62,8 @@ setup(
     ],
     entry_points={
         "console_scripts": [
-            f"skydiver-utc = {NAME}.cli:main",
-            *(f"{node} = {NAME}.nodes.{node}:main" for node in NODES),
+            f"skydiver-utc = {NAME}.cli.main:main",
+            *(f"{node} = {NAME}.nodes.process:{node}" for node in NODES),
         ],
     },
 )
