@@ -8,9 +8,11 @@ from typing import NamedTuple
 from tune import TASK
 
 from skydiver_utc.controllers.protocol import Controller
+from skydiver_utc.loop.closed_loop import Build
 from skydiver_utc.parameters import ParameterError, Scenario, load_scenario
 from skydiver_utc.parameters.yaml_io import read_yaml
-from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
+from skydiver_utc.plants.protocol import Plant
+from skydiver_utc.references.protocol import Reference
 from tool_chains import NAMES
 from tool_chains.controller import ToolChainController
 from tool_chains.ipopt import solve_by_ipopt
@@ -31,19 +33,17 @@ class Tuned(NamedTuple):
     scenario: Scenario
 
 
-def controller_of(chain: str) -> Callable[[Scenario], Controller]:
+def controller_of(chain: str) -> Build:
     """What builds the controller of a scenario by a tool chain."""
     return controller_by(CHAINS[chain])
 
 
-def controller_by(solver: Callable[[Program], Solve]) -> Callable[[Scenario], Controller]:
+def controller_by(solver: Callable[[Program], Solve]) -> Build:
     """What builds the controller of a scenario by anything that solves its program."""
 
-    def build(scenario: Scenario) -> Controller:
-        wanted = program(scenario)
-        return ToolChainController(
-            wanted, solver(wanted), SkydiverPlant(scenario.plant, scenario.dt_s).initial_control()
-        )
+    def build(scenario: Scenario, plant: Plant, reference: Reference) -> Controller:
+        wanted = program(scenario, plant, reference)
+        return ToolChainController(wanted, solver(wanted), plant.initial_control())
 
     return build
 

@@ -3,7 +3,6 @@
 
 import numpy as np
 
-from skydiver_utc.controllers.horizon import first_period, one_period_on
 from skydiver_utc.controllers.protocol import Decision, Status
 from tool_chains.model import reduced
 from tool_chains.program import Array, Program, Solve
@@ -30,13 +29,14 @@ class ToolChainController:
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """Solve from the sequence at hand and take the first control; without a solution keep the control."""
-        horizon, limits = self._program.horizon, self._program.limits
-        solution = self._solve(reduced(state), self._applied, horizon.reference(preview), self._sequence)
+        program, horizon = self._program, self._program.horizon
+        reference = horizon.reference(preview).ravel()
+        solution = self._solve(reduced(state), self._applied, reference, self._sequence)
         iterations = np.array([float(solution.iterations)])
         if not solution.found:
             self.resume(self._applied)
             return Decision(self._applied.copy(), iterations, Status.KEPT_PREVIOUS)
-        sequence = np.clip(solution.sequence, limits.minimum, limits.maximum)
-        self._applied = first_period(sequence, self._applied, limits, horizon)
-        self._sequence = one_period_on(sequence, horizon)
+        sequence = np.clip(solution.sequence, program.minimum, program.maximum)
+        self._applied = horizon.first_period(sequence, self._applied)
+        self._sequence = horizon.one_period_on(sequence)
         return Decision(self._applied.copy(), iterations, Status.SOLVED)

@@ -50,8 +50,9 @@ def _scenario(name: str, steps: int) -> Scenario:
 def _decision(flight: Run, solve: Callable[[Program], Solve]) -> Callable[[], float]:
     """One decision along the chain's own flight [s]."""
     scenario = flight.scenario
-    plant, controller = build_plant(scenario), controller_by(solve)(scenario)
-    profile = build_reference(scenario).preview(0, scenario.steps + controller.preview_steps + 1)
+    plant, reference = build_plant(scenario), build_reference(scenario)
+    controller = controller_by(solve)(scenario, plant, reference)
+    profile = reference.preview(0, scenario.steps + controller.preview_steps + 1)
     state, held, k = flight.states[_START], np.append(flight.applied[_START - 1], 0.0), _START
     controller.resume(held[:4])
 

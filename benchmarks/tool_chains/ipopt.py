@@ -23,20 +23,20 @@ def solve_by_ipopt(program: Program) -> Solve:
     Hessian by Gauss and Newton, which leaves the minimum where it is and costs no more than the gradient.
     """
     solver = _single_shooting(program.structure)
-    limits, horizon = program.limits, program.horizon
-    blocks, width = horizon.blocks, limits.maximum - limits.minimum
-    costs = np.append(costs_of(program.cost), horizon.periods)
+    minimum, width = program.minimum, program.maximum - program.minimum
+    blocks = program.structure.blocks
+    costs = np.append(costs_of(program.cost), program.periods)
     change = np.full(blocks, program.change)
 
     def solve(state: Array, now: Array, reference: Array, start: Array) -> Solution:
         held = np.append(now[3], np.zeros(blocks - 1))
         result = solver(
-            x0=((start - limits.minimum) / width).ravel(), lbx=0.0, ubx=1.0, lbg=held - change, ubg=held + change,
-            p=np.concatenate([state, now, reference, costs, limits.minimum, width]),
+            x0=((start - minimum) / width).ravel(), lbx=0.0, ubx=1.0, lbg=held - change, ubg=held + change,
+            p=np.concatenate([state, now, reference, costs, minimum, width]),
         )  # fmt: skip
         stats = solver.stats()
         shares = np.array(result["x"]).reshape(blocks, 4)
-        return Solution(limits.minimum + shares * width, int(stats["iter_count"]), bool(stats["success"]))
+        return Solution(minimum + shares * width, int(stats["iter_count"]), bool(stats["success"]))
 
     return solve
 
@@ -77,8 +77,8 @@ def _single_shooting(structure: Structure) -> ca.Function:
 
 def solve_by_opti(program: Program, expand: bool = False) -> Solve:
     """As most people write it: Opti, multiple shooting; `expand` writes it out in scalars."""
-    structure, limits = program.structure, program.limits
-    steps, hold, blocks, periods = structure.steps, structure.hold, structure.blocks, program.horizon.periods
+    structure, periods = program.structure, program.periods
+    steps, hold, blocks = structure.steps, structure.hold, structure.blocks
     follow = step(structure.model)
     opti = ca.Opti()
     x, u = opti.variable(STATES, steps + 1), opti.variable(4, blocks)
@@ -90,7 +90,7 @@ def solve_by_opti(program: Program, expand: bool = False) -> Solve:
         held = held_control(u[:, b], before[3], inside, hold, periods)
         opti.subject_to(x[:, j + 1] == follow(x[:, j], held, structure.model.dt * periods))
         if inside == 0:
-            opti.subject_to(opti.bounded(limits.minimum, u[:, b], limits.maximum))
+            opti.subject_to(opti.bounded(program.minimum, u[:, b], program.maximum))
             opti.subject_to(opti.bounded(-program.change, u[3, b] - before[3], program.change))
     tracking = ca.sumsqr(x[STATES - 1, 1:].T - wanted) / steps
     opti.minimize(tracking + effort(u, applied, ca.DM(costs_of(program.cost))))

@@ -13,13 +13,14 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from skydiver_utc.loop.rivals import horizon_cost, horizon_of
 
-from skydiver_utc.controllers.horizon import Horizon, HorizonCost
-from skydiver_utc.controllers.limits import ControlLimits
-from skydiver_utc.loop.registry import control_limits
-from skydiver_utc.parameters import GaussNewtonParameters, ParameterError, Scenario
-from skydiver_utc.plants.skydiver.model import PlantModel, build_model
+from skydiver_utc.controllers.horizon import Horizon, HorizonCost, cost_of
+from skydiver_utc.controllers.settings import GaussNewtonSettings
+from skydiver_utc.parameters import ParameterError, Scenario
+from skydiver_utc.plants.protocol import Plant
+from skydiver_utc.plants.skydiver.model import PlantModel
+from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
+from skydiver_utc.references.protocol import Reference
 
 Array = NDArray[np.float64]
 
@@ -40,17 +41,27 @@ class Structure:
 
 
 class Program(NamedTuple):
-    """A structure with its numbers: limits, horizon and costs of the scenario."""
+    """A structure with its numbers: control periods in a model step, horizon and costs of the scenario."""
 
     structure: Structure
-    limits: ControlLimits
+    periods: int
     horizon: Horizon
     cost: HorizonCost
 
     @property
+    def minimum(self) -> Array:
+        """Least control (4,)."""
+        return self.horizon.limits[0]
+
+    @property
+    def maximum(self) -> Array:
+        """Largest control (4,)."""
+        return self.horizon.limits[1]
+
+    @property
     def change(self) -> float:
         """Largest change of alpha from block to block [rad]."""
-        return float(self.limits.slew[3]) * self.horizon.block_periods
+        return float(self.horizon.limits[2, 3]) * self.horizon.block_periods
 
 
 class Solution(NamedTuple):
@@ -65,16 +76,21 @@ class Solution(NamedTuple):
 Solve = Callable[[Array, Array, Array, Array], Solution]
 
 
-def program(scenario: Scenario) -> Program:
-    """The program of a scenario whose controller is of kind gauss_newton and tracks the yaw rate."""
+def program(scenario: Scenario, plant: Plant, reference: Reference) -> Program:
+    """The program of a skydiver's scenario whose controller is of kind gauss_newton and tracks the yaw rate."""
     p = scenario.controller
-    if not isinstance(p, GaussNewtonParameters) or scenario.reference.signal != "yaw_rate":
+    if (
+        not isinstance(p, GaussNewtonSettings)
+        or not isinstance(plant, SkydiverPlant)
+        or reference.outputs != ("yaw_rate",)
+    ):
         raise ParameterError(
-            f"scenario {scenario.name}: the tool chains need controller.kind gauss_newton and a yaw rate to track"
+            f"scenario {scenario.name}: the tool chains need controller.kind gauss_newton and a skydiver's yaw rate "
+            "to track"
         )
-    model, limits = build_model(scenario.plant, scenario.dt_s), control_limits(scenario)
+    model = plant.constants
     structure = Structure(p.horizon_steps, p.blocks, _fingerprint(model), model)
-    return Program(structure, limits, horizon_of(p), horizon_cost(p, limits))
+    return Program(structure, p.step_periods, Horizon(p, plant, reference.outputs, 1), cost_of(p, plant))
 
 
 def effort(U: ca.MX, applied: ca.MX, costs: ca.MX) -> ca.MX:
@@ -94,6 +110,6 @@ def costs_of(cost: HorizonCost) -> Array:
 
 def _fingerprint(model: PlantModel) -> str:
     digest = hashlib.sha256()
-    for value in model:
+    for value in model._replace(work=np.empty(0)):  # scratch, different each time
         digest.update(np.asarray(value, dtype=np.float64).tobytes())
     return digest.hexdigest()

@@ -22,9 +22,9 @@ _SETTINGS = {
 
 def solve_by_osqp(program: Program) -> Solve:
     """The variables are the sequence in shares of the controls' ranges."""
-    limits, horizon = program.limits, program.horizon
-    steps, blocks, n = horizon.steps, horizon.blocks, 4 * horizon.blocks
-    minimum, width = np.tile(limits.minimum, blocks), np.tile(limits.maximum - limits.minimum, blocks)
+    steps, blocks = program.structure.steps, program.structure.blocks
+    n, least, ranges = 4 * blocks, program.minimum, program.maximum - program.minimum
+    minimum, width = np.tile(least, blocks), np.tile(ranges, blocks)
     linear = linearised(program.structure)
     curvature, pull, on_first = _effort(program)
     steering = np.arange(3, n, 4)
@@ -45,7 +45,7 @@ def solve_by_osqp(program: Program) -> Solve:
 
     def solve(state: Array, now: Array, reference: Array, start: Array) -> Solution:
         nonlocal solver
-        rates, by_control = linear(state, now, start.T, horizon.periods)
+        rates, by_control = linear(state, now, start.T, program.periods)
         by_share = np.array(by_control) * width
         if not np.abs(by_share).max() < _LARGEST_DERIVATIVE:
             return Solution(start, 0, False)
@@ -53,7 +53,7 @@ def solve_by_osqp(program: Program) -> Solve:
         residual = np.array(rates).ravel() - reference - by_share @ at
         H = 2.0 * (by_share.T @ by_share / steps + curvature)
         q = 2.0 * (by_share.T @ residual / steps - pull)
-        now_shares = (now - limits.minimum) / (limits.maximum - limits.minimum)
+        now_shares = (now - least) / ranges
         q[:4] -= 2.0 * on_first * now_shares
         held = np.append(now_shares[3], np.zeros(blocks - 1))
         low, high = np.append(np.zeros(n), held - allowed), np.append(np.ones(n), held + allowed)
@@ -72,10 +72,10 @@ def _effort(program: Program) -> tuple[Array, Array, Array]:
     """Of the cost on controls and changes: half the Hessian (n, n) by shares, the pull to rest (n,), and the weight
     (4,) with which the control applied last pulls the first one.
     """
-    cost, limits, blocks = program.cost, program.limits, program.horizon.blocks
-    width = limits.maximum - limits.minimum
+    cost, blocks = program.cost, program.structure.blocks
+    width = program.maximum - program.minimum
     control, change = (np.tile(c * width**2 / blocks, blocks) for c in (cost.control, cost.change))
     differences = np.eye(4 * blocks) - np.eye(4 * blocks, k=-4)
     curvature = np.diag(control) + differences.T @ np.diag(change) @ differences
-    rest = np.tile((cost.rest - limits.minimum) / width, blocks)
+    rest = np.tile((cost.rest - program.minimum) / width, blocks)
     return curvature, control * rest, change[:4]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The horizon in CasADi: yaw rates of a control sequence and their derivatives, compiled from generated C.
 
-The same grid as `skydiver_utc/loop/rollout.py`: over a model step alpha is held at the mean of what it takes
+The same grid as `skydiver_utc/controllers/horizon.py`: over a model step alpha is held at the mean of what it takes
 on its even way through the block.
 """
 

@@ -24,7 +24,7 @@ _COMPILED = {"ipopt.hessian_approximation": "limited-memory"} | {f"ipopt.{k}": v
 def solve_by_do_mpc(program: Program, compiled: bool = True) -> Solve:
     """With its functions compiled from C, or as its documentation shows."""
     stages, me = _stages(program.structure, compiled), object()
-    numbers = np.concatenate([costs_of(program.cost), [program.horizon.periods, program.change]])
+    numbers = np.concatenate([costs_of(program.cost), [program.periods, program.change]])
 
     def solve(state: Array, now: Array, reference: Array, start: Array) -> Solution:
         return stages.solve(me, numbers, state, now, reference, start)

@@ -10,7 +10,6 @@ pytest.importorskip("osqp", reason="the tool chains are an extra: pip install '.
 
 import tool_chains.chains
 from c_transcription import compiler
-from skydiver_utc.loop.rollout import SkydiverRollOut
 from tool_chains.chains import CHAINS, controller_by, controller_of, tuned
 from tool_chains.ipopt import TOLERANCE, solve_by_ipopt, solve_by_opti
 from tool_chains.program import program
@@ -18,12 +17,10 @@ from tool_chains.real_time import solve_by_osqp
 from tool_chains.with_do_mpc import solve_by_do_mpc
 from tune import TASK
 
-from skydiver_utc.controllers.horizon import cost_of
 from skydiver_utc.controllers.protocol import Status
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_controller, build_reference
+from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import ParameterError, load_scenario
-from skydiver_utc.plants.skydiver.skydiver import RATE_AT
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="they are compiled: needs a C compiler")
 
@@ -35,7 +32,8 @@ CHANGES = {
     "duration_s": 2.0,
 }
 SCENARIO = load_scenario("fast_turn_gauss_newton", CHANGES)
-PROGRAM = program(SCENARIO)
+PLANT, REFERENCE = build_plant(SCENARIO), build_reference(SCENARIO)
+PROGRAM = program(SCENARIO, PLANT, REFERENCE)
 # In the run-up, near the peak of the turn, and where it goes back through zero.
 STEPS = (20, 150, 290, 450)
 CONVERGED = {
@@ -52,20 +50,24 @@ def flight():
     return simulate(SCENARIO)
 
 
+def preview(k):
+    """The reference at a step and over the horizon, by control periods."""
+    return REFERENCE.preview(k, PROGRAM.horizon.preview_steps + 1)
+
+
 def question(flight, k):
     """What is given at a step of the flight: state, control applied last, reference, sequence to start from."""
-    profile = build_reference(SCENARIO).preview(k, PROGRAM.horizon.preview_steps + 1)
+    reference = PROGRAM.horizon.reference(preview(k)).ravel()
     applied = flight.applied[k - 1]
-    return flight.states[k], applied, PROGRAM.horizon.reference(profile), np.tile(applied, (3, 1))
+    return flight.states[k], applied, reference, np.tile(applied, (3, 1))
 
 
 def cost(flight, k, sequence):
     """J by the package's own roll-out."""
     state, applied, reference, _ = question(flight, k)
-    outputs = np.empty((1, PROGRAM.horizon.steps))
-    roll_out = SkydiverRollOut(PROGRAM.structure.model, PROGRAM.horizon, RATE_AT["yaw_rate"])
-    roll_out(state, applied, np.ascontiguousarray(sequence)[None], outputs)
-    return cost_of(np.ascontiguousarray(sequence), applied, outputs[0], reference, PROGRAM.cost)
+    PROGRAM.horizon.sequences[0] = sequence
+    outputs = PROGRAM.horizon.outputs(state, applied, preview(k))
+    return PROGRAM.cost.of(PROGRAM.horizon.sequences, applied, outputs, reference)[0]
 
 
 def solved(flight, k, solve, times=1):
@@ -80,12 +82,11 @@ def solved(flight, k, solve, times=1):
 
 def package_s_minimum(flight, k):
     """The sequence after many Gauss-Newton steps of the package."""
-    controller = build_controller(
-        load_scenario("fast_turn_gauss_newton", CHANGES | {"controller.iterations": 50})
-    )
+    scenario = load_scenario("fast_turn_gauss_newton", CHANGES | {"controller.iterations": 50})
+    controller = build_controller(scenario, PLANT, REFERENCE)
     state, applied, _, _ = question(flight, k)
     controller.resume(applied)
-    decision = controller.decide(state, build_reference(SCENARIO).preview(k, controller.preview_steps + 1))
+    decision = controller.decide(state, preview(k))
     return decision.telemetry[controller.telemetry_names.index("cost")]
 
 
@@ -102,7 +103,7 @@ def test_the_solution_costs_no_more_than_the_package_s_minimum(flight, chain):
 
 def test_the_real_time_iteration_repeated_is_the_converged_solution(flight):
     iterate, converge = solve_by_osqp(PROGRAM), solve_by_opti(PROGRAM)
-    width = PROGRAM.limits.maximum - PROGRAM.limits.minimum
+    width = PROGRAM.maximum - PROGRAM.minimum
     for k in STEPS:
         repeated, converged = solved(flight, k, iterate, times=30), solved(flight, k, converge)
         np.testing.assert_allclose(repeated / width, converged / width, atol=1e-3)
@@ -111,14 +112,13 @@ def test_the_real_time_iteration_repeated_is_the_converged_solution(flight):
 
 def test_solutions_keep_bounds_and_rates(flight):
     """A reference out of reach to the other side, so that alpha moves as fast as it may."""
-    limits = PROGRAM.limits
     for make in (*CONVERGED.values(), solve_by_osqp):
         state, applied, reference, start = question(flight, 290)
         sequence = make(PROGRAM)(state[3:], applied, reference - 20.0, start).sequence
         change = np.diff(np.append(applied[3], sequence[:, 3]))
         np.testing.assert_allclose(change, -PROGRAM.change, atol=1e-4)
-        assert (sequence > limits.minimum - 1e-4).all()
-        assert (sequence < limits.maximum + 1e-4).all()
+        assert (sequence > PROGRAM.minimum - 1e-4).all()
+        assert (sequence < PROGRAM.maximum + 1e-4).all()
 
 
 @pytest.mark.parametrize("chain", ["ipopt", "osqp"])
@@ -127,24 +127,23 @@ def test_a_flight_repeats_bit_for_bit_and_keeps_the_limits(chain):
     first, again = (simulate(scenario, build=controller_of(chain)) for _ in range(2))
     assert first.commands.tobytes() == again.commands.tobytes()
     assert (first.status == Status.SOLVED).all()
-    assert (first.commands >= PROGRAM.limits.minimum).all()
-    assert (first.commands <= PROGRAM.limits.maximum).all()
-    assert np.abs(np.diff(first.commands[:, 3])).max() <= PROGRAM.limits.slew[3] + 1e-15
+    assert (first.commands >= PROGRAM.minimum).all()
+    assert (first.commands <= PROGRAM.maximum).all()
+    assert np.abs(np.diff(first.commands[:, 3])).max() <= PROGRAM.horizon.limits[2, 3] + 1e-15
 
 
 @pytest.mark.parametrize(
     "make", [solve_by_ipopt, solve_by_osqp, CONVERGED["do_mpc"]], ids=["ipopt", "osqp", "do_mpc"]
 )
 def test_without_a_solution_the_control_is_kept_and_the_next_decision_is_sound(flight, make):
-    controller = controller_by(make)(SCENARIO)
+    controller = controller_by(make)(SCENARIO, PLANT, REFERENCE)
     state, applied, _, _ = question(flight, 150)
-    preview = build_reference(SCENARIO).preview(150, controller.preview_steps + 1)
     controller.resume(applied)
-    before = controller.decide(state, preview)
-    kept = controller.decide(np.full(13, np.nan), preview)
+    before = controller.decide(state, preview(150))
+    kept = controller.decide(np.full(13, np.nan), preview(150))
     assert kept.status is Status.KEPT_PREVIOUS
     np.testing.assert_array_equal(kept.control, before.control)
-    after = controller.decide(state, preview)
+    after = controller.decide(state, preview(150))
     assert after.status is Status.SOLVED
     assert np.isfinite(after.control).all()
 
@@ -165,4 +164,4 @@ def test_tuned_costs_of_an_unknown_chain_are_refused(monkeypatch, tmp_path):
 
 def test_another_controller_s_scenario_is_refused():
     with pytest.raises(ParameterError, match="gauss_newton"):
-        program(load_scenario(TASK))
+        program(load_scenario(TASK), PLANT, REFERENCE)
