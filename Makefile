@@ -40,7 +40,7 @@ test-fast: $(STAMP)
 	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/pytest -n auto --maxprocesses 4 --dist worksteal -m 'not long and not processes' $(ARGS)
 
 kills: $(STAMP)
-	SKYDIVER_UTC_KILLS=20 $(VENV)/bin/pytest -q test/ros/processes/test_recorded_run.py $(ARGS)
+	SKYDIVER_UTC_KILLS=20 $(VENV)/bin/pytest -q test/ros/processes/test_recorded_nodes.py $(ARGS)
 
 lint: $(STAMP)
 	$(VENV)/bin/ruff check

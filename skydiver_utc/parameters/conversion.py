@@ -76,8 +76,8 @@ def _settings(slot: str, name: str, block: Any, errors: list[str]) -> Any:
         return None
     try:
         model = settings_class(slot, kind)
-    except MissingModuleError:
-        raise
+    except MissingModuleError as error:
+        raise MissingModuleError(error.module, f"{name}.kind") from error
     except ParameterError as error:
         errors.append(f"parameter {name}.kind: {error}")
         return None

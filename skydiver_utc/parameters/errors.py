@@ -9,9 +9,10 @@ class ParameterError(ValueError):
 class MissingModuleError(ParameterError):
     """The module of a `module:Class` is not where Python looks for it; `module` is its name."""
 
-    def __init__(self, module: str) -> None:
+    def __init__(self, module: str, field: str = "") -> None:
         super().__init__(
-            f"there is no module {module}: put {module}.py into the current folder, beside the scenario file that is"
+            (f"parameter {field}: " if field else "")
+            + f"there is no module {module}: put {module}.py into the current folder, beside the scenario file that is"
             " given, or on the PYTHONPATH"
         )
         self.module = module

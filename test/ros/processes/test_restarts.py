@@ -12,7 +12,7 @@ import numpy as np
 import own_slots
 import pytest
 from own_slots import cart_file
-from ros_fixtures import Processes, Ros
+from ros_fixtures import Processes, Ros, Spectator
 
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.messages import read_named, read_outcome
@@ -31,16 +31,17 @@ class Stage:
         shutil.copy(own_slots.__file__, folder)
         self.ros, self._processes = ros, processes
         self.given: dict[str, Any] = {"scenario": cart_file(folder), "duration_s": 20.0}
-        self.spectator = ros.partner("spectator")
-        self.states = self.spectator.receive(STATE)
-        self.commands = self.spectator.receive(topics.COMMAND)
-        self.changes = self.spectator.receive(topics.CHANGES)
-        self.outcomes = self.spectator.receive(topics.OUTCOME)
+        self.spectator = ros.add(Spectator(ros.context, STATE))
+        self.states = self.spectator.received[topics.STATE]
+        self.commands = self.spectator.received[topics.COMMAND]
+        self.changes = self.spectator.received[topics.CHANGES]
+        self.outcomes = self.spectator.received[topics.OUTCOME]
         self.nodes: dict[str, Any] = {}
 
     def start(self, *kinds: str, **settings: object) -> None:
         for kind in kinds:
-            self.nodes[kind] = self._processes.start(kind, self.given | settings)
+            # They begin when the spectator is matched, so that it misses no message.
+            self.nodes[kind] = self._processes.start(kind, self.given | {"wait_for_recorder": True} | settings)
 
     def start_all(self, **settings: object) -> None:
         self.start("reference", "controller")
