@@ -41,7 +41,9 @@ class Stage:
     def start(self, *kinds: str, **settings: object) -> None:
         for kind in kinds:
             # They begin when the spectator is matched, so that it misses no message.
-            self.nodes[kind] = self._processes.start(kind, self.given | {"wait_for_recorder": True} | settings)
+            self.nodes[kind] = self._processes.start(
+                kind, self.given | {"wait_for_recorder": True} | settings
+            )
 
     def start_all(self, **settings: object) -> None:
         self.start("reference", "controller")
