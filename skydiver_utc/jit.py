@@ -15,23 +15,26 @@ nothing is kept.
 
 import hashlib
 import marshal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, TypeVar
 
 import numba
+import numpy as np
 from numba.core import cgutils, event, types
 from numba.core.caching import FunctionCache
 from numba.core.dispatcher import Dispatcher
+from numba.core.errors import TypingError
 from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
 from numba.extending import intrinsic
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
+_types: Any = types  # Numba's types are made when it is imported.
 _OPTIONS: Any = {
     "fastmath": {"contract", "reassoc", "nsz"},
     "error_model": "numpy",
@@ -108,26 +111,127 @@ def bound(template: Any, name: str, owner: Any, **names: Any) -> Any:
     )
     function = FunctionType(code, {**template.__globals__, **names}, name)
     function.__module__, function.__qualname__ = plain.__module__, f"{plain.__qualname__}.{template.__name__}"
+    if _is_own(plain):
+        return program(function)
     return kept_on_disk(numba.njit(error_model="numpy", no_cfunc_wrapper=True)(function), owner)
+
+
+class InMemory:
+    """Numbers of a model in memory, where machine code finds them by their address: tuples of numbers and arrays.
+
+    Raises ValueError for anything else among them.
+    """
+
+    def __init__(self, numbers: Any) -> None:
+        self._kept = _plain_numbers(numbers)
+        self._words = np.array(_words(self._kept), dtype=np.int64)
+        self.address = self._words.ctypes.data
+        self.type = _types.CPointer(numba.typeof(self._kept))
+
+
+def _plain_numbers(value: Any) -> Any:
+    """The same with floats and integers of one size."""
+    if isinstance(value, tuple):
+        items = [_plain_numbers(item) for item in value]
+        return type(value)(*items) if hasattr(value, "_fields") else tuple(items)
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
+        return value
+    if isinstance(value, bool | np.bool_ | int | np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        return float(value)
+    raise ValueError(
+        f"the numbers of a model are numbers, arrays and tuples of such, not {type(value).__name__}"
+    )
+
+
+def _words(value: Any) -> list[int]:
+    """What numba holds a value in: eight bytes a number; for an array its address, shape and strides."""
+    if isinstance(value, tuple):
+        return [word for item in value for word in _words(item)]
+    if isinstance(value, np.ndarray):
+        # The first two words are who owns the memory: nobody whom machine code would have to count.
+        return [0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides]
+    return [value if isinstance(value, int) else int(np.float64(value).view(np.int64))]
+
+
+def by_address(parts: Sequence[tuple[Any, Any]], *example: Any) -> Callable[..., None]:
+    """Jitted functions (..., numbers, out), each with its own numbers in memory, one after the other in one call.
+
+    example: of the arguments without the numbers, one or two and out; those of a call are contiguous and of its types
+    """
+    placed = [InMemory(numbers) for _, numbers in parts]
+    functions = [
+        address(function, *example[:-1], numbers, example[-1])
+        for (function, _), numbers in zip(parts, placed, strict=True)
+    ]
+    where = np.array([functions, [numbers.address for numbers in placed]])
+    run: Any = partial(_run_one if len(example) == 2 else _run_two, where)
+    run.numbers = placed  # They live as long as the function.
+    result: Callable[..., None] = run
+    return result
 
 
 def address(function: Any, *example: Any) -> int:
     """Where the machine code of a jitted function for such arguments begins; it must return nothing.
 
-    A named tuple among the arguments may be handed over as a plain tuple: both look alike to machine code.
+    An argument `InMemory` is handed over by its address, and the function asks for its `contents`.
     """
     function = getattr(function, "as_program", function)
-    compiled = function.get_compile_result(numba.core.typing.signature(types.none, *_types(*example)))
+    given = (value.type if isinstance(value, InMemory) else numba.typeof(value) for value in example)
+    compiled = function.get_compile_result(numba.core.typing.signature(types.none, *given))
     return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
 
 
-def _types(*example: Any) -> tuple[Any, ...]:
-    return tuple(numba.typeof(value) for value in example)
+@lru_cache(maxsize=256)
+def in_memory(given: Any) -> Any:
+    """A jitted function (..., numbers, out) as one that finds its numbers in memory."""
+    template = {3: _of_three, 4: _of_four}[given.py_func.__code__.co_argcount]
+    return bound(template, "in_memory", given, function=given)
+
+
+def function(*_: Any) -> Any:
+    """What the templates below call."""
+
+
+def _of_three(first: Any, numbers: Any, out: Any) -> None:
+    function(first, contents(numbers), out)
+
+
+def _of_four(first: Any, second: Any, numbers: Any, out: Any) -> None:
+    function(first, second, contents(numbers), out)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def contents(_context: Any, pointer: Any) -> Any:
+    """What a pointer points at, part by part; machine code need not count who uses its arrays."""
+
+    def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+        def load(kind: Any, where: Any) -> Any:
+            if isinstance(kind, _types.BaseTuple):
+                parts = [
+                    load(part, cgutils.gep_inbounds(builder, where, 0, i))
+                    for i, part in enumerate(kind.types)
+                ]
+                return context.make_tuple(builder, kind, parts)
+            value = context.data_model_manager[kind].load_from_data_pointer(builder, where)
+            if isinstance(kind, types.Array):
+                array = context.make_array(kind)(context, builder, value=value)
+                array.meminfo = cgutils.get_null_value(array.meminfo.type)
+                array.parent = cgutils.get_null_value(array.parent.type)
+                return array._getvalue()
+            return value
+
+        return load(pointer.dtype, values[0])
+
+    return pointer.dtype(pointer), generate
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def call(_context: Any, where: Any, arguments: Any) -> Any:
     """call(address, (argument, ...)): run the machine code there; what it raises is raised here."""
+    if any(isinstance(kind, types.Array) and kind.layout != "C" for kind in arguments):
+        raise TypingError("machine code is called with contiguous arrays only")
 
     def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         convention, given = context.call_conv, tuple(arguments)
@@ -171,7 +275,7 @@ class _Cache(FunctionCache):  # type: ignore[misc]
             super().save_overload(sig, data)
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
-        return (*super()._index_key(sig, codegen), _contents(self._source))
+        return (*super()._index_key(sig, codegen), _sources_digest(), _contents(self._source))
 
 
 class _UnknownContentsError(Exception):
@@ -207,7 +311,7 @@ def _contents(source: Any) -> str:
 
 
 def _is_own(function: FunctionType) -> bool:
-    return function.__module__.partition(".")[0] == __package__
+    return (function.__module__ or "").partition(".")[0] == __package__
 
 
 def _names(code: CodeType) -> list[str]:
@@ -242,3 +346,15 @@ class _Once(event.Listener):  # type: ignore[misc]
 def on_first_compilation(tell: Callable[[str], object]) -> None:
     """Pass a sentence on, once, when the first function of this process is compiled rather than loaded."""
     event.register("numba:compile", _Once(tell))
+
+
+@program
+def _run_one(parts: Any, first: Any, out: Any) -> None:
+    for i in range(parts.shape[1]):
+        call(parts[0, i], (first, parts[1, i], out))
+
+
+@program
+def _run_two(parts: Any, first: Any, second: Any, out: Any) -> None:
+    for i in range(parts.shape[1]):
+        call(parts[0, i], (first, second, parts[1, i], out))

@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from skydiver_utc import Model, Plant, SlotSettings, kernel, program, quantity, runge_kutta
+from skydiver_utc import Model, Plant, SlotSettings, kernel, quantity, runge_kutta
 
 
 class Numbers(NamedTuple):
@@ -28,13 +28,13 @@ def derivative(state, control, parameters, out):
     )
 
 
-@program
+@kernel
 def step(state, control, parameters, out):
     """The state (2,) one dt later with the torque held."""
     runge_kutta(derivative, state, control, parameters, parameters.dt_s, out)
 
 
-@program
+@kernel
 def outputs(state, parameters, out):
     """Angle [rad] and rate [rad/s]."""
     out[:] = state

@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from skydiver_utc import Model, Plant, SlotSettings, kernel, program, quantity, runge_kutta
+from skydiver_utc import Model, Plant, SlotSettings, kernel, quantity, runge_kutta
 
 GRAVITY, RATE = 9.81, 3.0
 
@@ -48,14 +48,14 @@ def derivative(state, control, parameters, out):
     out[12] = (control[3] + (x - y) * p * q) / z
 
 
-@program
+@kernel
 def step(state, control, parameters, out):
     """The state (13,) one dt later with thrust and torques held."""
     runge_kutta(derivative, state, control, parameters, parameters.dt_s, out)
     out[3:7] /= np.sqrt(out[3] ** 2 + out[4] ** 2 + out[5] ** 2 + out[6] ** 2)
 
 
-@program
+@kernel
 def outputs(state, parameters, out):
     """Place, then place and heading with their derivatives; thrust is taken for the weight."""
     vx, vy, vz = turned(state, state[7], state[8], state[9])

@@ -45,15 +45,15 @@ class Gains(NamedTuple):
 
 def linearised(plant: Plant, about: Reduced, control: Array, outputs: tuple[str, ...]) -> Linearised:
     """The plant's model about an equilibrium in its reduced state; central differences."""
-    model, selected = plant.model, [plant.output_names.index(name) for name in outputs]
-    following, values = np.empty(model.state_size), np.empty(len(plant.output_names))
+    model, selected = plant.bound_model, [plant.output_names.index(name) for name in outputs]
+    following, values = np.empty(plant.model.state_size), np.empty(len(plant.output_names))
 
     def step(z: Array, u: Array) -> Array:
-        model.step(about.expand(z), u, model.parameters, following)
+        model.step(about.expand(z), u, following)
         return about.reduce(following.copy())
 
     def output(z: Array, _: Array) -> Array:
-        model.outputs(about.expand(z), model.parameters, values)
+        model.outputs(about.expand(z), values)
         return values[selected].copy()
 
     def slope(of: object, z: Array, u: Array, of_control: bool) -> Array:

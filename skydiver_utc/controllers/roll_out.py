@@ -7,14 +7,24 @@ or a sequence in blocks. The functions are machine code called by address (`skyd
 user's model is plain Python, Python functions called by the same text interpreted.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
-from skydiver_utc.jit import address, call, interpreted, is_jitted, program
+from skydiver_utc.jit import (
+    InMemory,
+    address,
+    by_address,
+    call,
+    contents,
+    in_memory,
+    interpreted,
+    is_jitted,
+    program,
+)
 from skydiver_utc.plants.protocol import LEFT_ITS_DOMAIN, MISTAKES, Model, one_line
 
 Array = NDArray[np.float64]
@@ -34,38 +44,44 @@ class Dynamics(NamedTuple):
     sees_outputs: bool
 
 
-@program
-def roll_out(
-    step: Any,
-    outputs_of: Any,
-    parameters: Any,
-    dynamics: Any,
-    numbers: Array,
-    kind: int,
-    steps: Steps,
-    selected: Steps,
-    begin: Steps,
-    limits: Array,
-    state: Array,
-    applied: Array,
-    points: Array,
-    preview: Array,
-    named: int,
-    outputs: Array,
-    first: Array,
-) -> None:
-    """Drive the model with points (S, p) from state (n,) and the control now applied (m,).
+class Setup(NamedTuple):
+    """All that a roll-out has from its start on: functions, or the addresses of compiled ones, and arrays.
 
     kind: 0 for held points, 1 for dynamics, 2 for dynamics that see the `named` outputs
     steps (T,) rising: after which steps the selected outputs (l,) are written, to outputs (S, T l); NaN from where a
         point diverges
     begin (S,): the steps that a point has in common with the first point, which are not computed again
     limits (3, m): minimum, maximum and largest change per step of the control
-    first (S, m): the control on the first step
+    points (S, p); applied (m,): the control now applied; first (S, m): the control on the first step
     """
+
+    step: Any
+    outputs_of: Any
+    parameters: Any
+    dynamics: Any
+    numbers: Array
+    kind: int
+    steps: Steps
+    selected: Steps
+    begin: Steps
+    limits: Array
+    applied: Array
+    points: Array
+    named: int
+    outputs: Array
+    first: Array
+
+
+@program
+def roll_out(state: Array, preview: Array, numbers: Setup, out: Array) -> None:
+    """Drive the model with the points of a setup from state (n,)."""
+    setup = contents(numbers)
+    step, outputs_of, parameters, dynamics = setup.step, setup.outputs_of, setup.parameters, setup.dynamics
+    kind, named, steps, limits = setup.kind, setup.named, setup.steps, setup.limits
+    applied, points, outputs, first = setup.applied, setup.points, setup.outputs, setup.first
     x, control, wanted = np.empty(state.shape[0]), np.empty(applied.shape[0]), np.empty(applied.shape[0])
     y, y_before = np.empty(named), np.empty(named)
-    n, m, chosen = x.shape[0], control.shape[0], selected.shape[0]
+    n, m, chosen = x.shape[0], control.shape[0], setup.selected.shape[0]
     last = steps[steps.shape[0] - 1]
     states, controls = np.empty((last + 1, n)), np.empty((last + 1, m))
     for a in range(n):
@@ -73,7 +89,7 @@ def roll_out(
     for c in range(m):
         controls[0, c] = applied[c]
     for i in range(points.shape[0]):
-        start = begin[i]
+        start = setup.begin[i]
         for a in range(n):
             x[a] = states[start, a]
         for c in range(m):
@@ -94,20 +110,21 @@ def roll_out(
                 for c in range(m):
                     wanted[c] = points[i, c]
             else:
-                call(dynamics, (points[i], control, x, y, y_before, preview, j, numbers, wanted))
-            diverged = False
+                call(dynamics, (points[i], control, x, y, y_before, preview, j, setup.numbers, wanted))
+            finite = True
             for c in range(m):
-                diverged = diverged or not abs(wanted[c]) < np.inf
+                finite &= abs(wanted[c]) < np.inf
                 value, before = min(max(wanted[c], limits[0, c]), limits[1, c]), control[c]
                 control[c] = min(max(value, before - limits[2, c]), before + limits[2, c])
-                if j == 0:
+            if j == 0:
+                for c in range(m):
                     first[i, c] = control[c]
-            if not diverged:
+            if finite:
                 call(step, (x, control, parameters, x))
             for a in range(n):
                 # A comparison, because the compiler may fold np.isfinite (x - x == 0) of a sum.
-                diverged = diverged or not abs(x[a]) < np.inf
-            if diverged:
+                finite &= abs(x[a]) < np.inf
+            if not finite:
                 break
             if i == 0:
                 for a in range(n):
@@ -121,12 +138,12 @@ def roll_out(
                 call(outputs_of, (x, parameters, y))
             if j + 1 == steps[taken]:
                 for k in range(chosen):
-                    outputs[i, taken * chosen + k] = y[selected[k]]
+                    outputs[i, taken * chosen + k] = y[setup.selected[k]]
                 taken += 1
 
 
 class RollOut:
-    """The roll-out bound to a model: compiled if the model is, else the same text interpreted.
+    """The roll-out of a model: compiled if the model is, else the same text interpreted.
 
     A function of the user's that raises an ArithmeticError, ValueError (LinAlgError is one) or IndexError has left
     where it is defined: that point diverges there, and `cause` holds the first such error. Every other error of
@@ -144,53 +161,84 @@ class RollOut:
         dynamics: Dynamics | None = None,
     ) -> None:
         """named: how many outputs the model has; points: shape (S, p) of the points."""
-        m, of_plant = limits.shape[1], len(steps) * len(selected)
-        self.points, self.outputs = np.empty(points), np.empty((points[0], of_plant))
-        self.first = np.empty((points[0], m))
+        m = limits.shape[1]
+        self.points, self.first, self.applied = np.empty(points), np.empty((points[0], m)), np.empty(m)
+        self.outputs = np.empty((points[0], len(steps) * len(selected)))
         self.begin = np.zeros(points[0], dtype=np.int64)
         self.cause = ""
-        numbers = np.zeros(1) if dynamics is None else dynamics.numbers
-        kind = 0 if dynamics is None else 1 + dynamics.sees_outputs
-        self._constant = (
-            numbers, kind, np.array(steps, dtype=np.int64), np.array(selected, dtype=np.int64), self.begin, limits,
-        )  # fmt: skip
-        self._named = named
-        parameters, state, control, y = (
+        self._setup = Setup(
+            model.step,
+            model.outputs,
             model.parameters,
-            np.empty(model.state_size),
-            np.empty(m),
-            np.empty(named),
+            None if dynamics is None else dynamics.function,
+            np.zeros(1) if dynamics is None else dynamics.numbers,
+            0 if dynamics is None else 1 + dynamics.sees_outputs,
+            np.array(steps, dtype=np.int64),
+            np.array(selected, dtype=np.int64),
+            self.begin,
+            limits,
+            self.applied,
+            self.points,
+            named,
+            self.outputs,
+            self.first,
         )
-        wanted = None if dynamics is None else dynamics.function
-        functions = [model.step, model.outputs] + ([] if wanted is None else [wanted])
-        self._python = (model.step, model.outputs, parameters, wanted)
-        self._compiled: tuple[Any, ...] | None = None
-        if all(map(is_jitted, functions)):
-            where = 0
-            if wanted is not None:
-                example = (self.points[0], control, state, y, y, np.empty((1, 1)), 0, numbers, control)
-                where = _compiled(wanted, *example)
-            self._compiled = (
-                _compiled(model.step, state, control, parameters, state),
-                _compiled(model.outputs, state, parameters, y),
-                tuple(parameters),
-                where,
-            )
-        self._interpreted = interpreted(roll_out, call=self._guarded)
+        self._compiled = self._addresses(model.state_size)
+        self._run: Callable[[Array, Array, Array], None] | None = None
 
     def __call__(self, state: Array, applied: Array, preview: Array) -> None:
         """Write `outputs` (S, T l) and `first` (S, m) of `points` (S, p) from a state and the control now applied."""
-        given = (*self._constant, state, applied, self.points, preview, self._named, self.outputs, self.first)
+        if self._run is None:
+            self._run = self.between(None, None, (), state, preview, applied)
+        self.applied[:] = applied
+        self._run(state, preview, self.applied)
+
+    def between(
+        self, before: Any, after: Any, numbers: Any, *example: Array
+    ) -> Callable[[Array, Array, Array], None]:
+        """The roll-out between two programs (state, preview, numbers, out), in one call (state, preview, out)."""
+        first, last = ([(text, numbers)] if text else [] for text in (before, after))
+        compiled: Callable[..., None] | None = None
         if self._compiled is not None:
-            try:
-                roll_out(*(self._compiled + given))
-            except (*LEFT_ITS_DOMAIN, *MISTAKES):
-                pass  # Compiled code cannot go on with the other points: the same again from Python.
-            else:
-                return
-        self.cause = ""
-        with np.errstate(all="ignore"):
-            self._interpreted(*self._python, *given)
+            compiled = by_address([*first, (roll_out, self._compiled[1]), *last], *example)
+        in_python = [
+            (interpreted(text, call=self._guarded, contents=_itself), its_numbers)
+            for text, its_numbers in [*first, (roll_out, self._setup), *last]
+        ]
+
+        def run(state: Array, preview: Array, out: Array) -> None:
+            self.cause = ""
+            if compiled is not None:
+                try:
+                    compiled(state, preview, out)
+                except (*LEFT_ITS_DOMAIN, *MISTAKES):
+                    pass  # Compiled code cannot go on with the other points: the same again from Python.
+                else:
+                    return
+            with np.errstate(all="ignore"):
+                for function, its_numbers in in_python:
+                    function(state, preview, its_numbers, out)
+
+        return run
+
+    def _addresses(self, state_size: int) -> tuple[InMemory, Setup] | None:
+        """The model's numbers in memory, and the setup with addresses of compiled functions, if all are jitted."""
+        at = self._setup
+        functions = [at.step, at.outputs_of] + ([] if at.dynamics is None else [at.dynamics])
+        if not all(map(is_jitted, functions)):
+            return None
+        state, control, y = np.empty(state_size), np.empty(at.limits.shape[1]), np.empty(at.named)
+        where = 0
+        if at.dynamics is not None:
+            example = (self.points[0], control, state, y, y, np.empty((1, 1)), 0, at.numbers, control)
+            where = _compiled(at.dynamics, *example)
+        placed = InMemory(at.parameters)
+        return placed, at._replace(
+            step=_compiled(in_memory(at.step), state, control, placed, state),
+            outputs_of=_compiled(in_memory(at.outputs_of), state, placed, y),
+            parameters=placed.address,
+            dynamics=where,
+        )
 
     def _guarded(self, function: Any, arguments: tuple[Any, ...]) -> None:
         try:
@@ -202,6 +250,11 @@ class RollOut:
             raise ValueError(
                 f"{function.__name__} fails inside the horizon ({type(error).__name__}: {one_line(error)})."
             ) from error
+
+
+def _itself(numbers: Any) -> Any:
+    """What numbers contain that are not in memory."""
+    return numbers
 
 
 def _compiled(function: Any, *example: Any) -> int:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic import model_validator
 from typing_extensions import Self
 
-from skydiver_utc.jit import program
+from skydiver_utc.jit import inlined
 from skydiver_utc.parameters.fields import SlotSettings, text
 from skydiver_utc.parameters.linear_plant import LinearSettings
 from skydiver_utc.plants.protocol import Model, Plant
@@ -24,7 +24,7 @@ class LinearModel(NamedTuple):
     C: Array
 
 
-@program
+@inlined
 def linear_step(state: Array, control: Array, parameters: LinearModel, out: Array) -> None:
     """x+ = A x + B u (n,)."""
     A, B = parameters.A, parameters.B
@@ -38,7 +38,7 @@ def linear_step(state: Array, control: Array, parameters: LinearModel, out: Arra
         out[i] = following[i]
 
 
-@program
+@inlined
 def linear_outputs(state: Array, parameters: LinearModel, out: Array) -> None:
     """y = C x (l,)."""
     C = parameters.C

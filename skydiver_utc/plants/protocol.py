@@ -3,11 +3,14 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numba.core.errors import NumbaError
 from numpy.typing import NDArray
+
+from skydiver_utc.jit import by_address, in_memory, is_jitted
 
 Array = NDArray[np.float64]
 # step(state (n,), control (m,), parameters, out (n,)) writes the state one step later; out may be the state.
@@ -27,6 +30,26 @@ class Model(NamedTuple):
     outputs: Outputs
     parameters: Any
     state_size: int
+
+    def bound(self, controls: int, outputs: int) -> "BoundModel":
+        """The functions with their parameters, for Python: step(state, control, out) and outputs(state, out)."""
+        state, control, out = np.empty(self.state_size), np.empty(controls), np.empty(outputs)
+        if is_jitted(self.step) and is_jitted(self.outputs):
+            return BoundModel(
+                by_address([(in_memory(self.step), self.parameters)], state, control, state),
+                by_address([(in_memory(self.outputs), self.parameters)], state, out),
+            )
+        return BoundModel(
+            lambda state, control, out: self.step(state, control, self.parameters, out),
+            lambda state, out: self.outputs(state, self.parameters, out),
+        )
+
+
+class BoundModel(NamedTuple):
+    """A model's functions that need no parameters any more."""
+
+    step: Callable[[Array, Array, Array], None]
+    outputs: Callable[[Array, Array], None]
 
 
 # What a model's function raises that has left where it is defined: LinAlgError is a ValueError.
@@ -73,6 +96,11 @@ class Plant(ABC):
     # Joints that a display shows, and their angles [rad] at what the actuators hold.
     joint_names: tuple[str, ...] = ()
 
+    @cached_property
+    def bound_model(self) -> BoundModel:
+        """The functions of `model` for Python."""
+        return self.model.bound(len(self.control_names), len(self.output_names))
+
     @abstractmethod
     def initial_state(self) -> Array:
         """State (n,) at step 0."""
@@ -92,7 +120,7 @@ class Plant(ABC):
         following = np.empty(self.model.state_size)
 
         def change(state: Array) -> Array:
-            self.model.step(state, control, self.model.parameters, following)
+            self.bound_model.step(state, control, following)
             return following - state
 
         found = root(change, self.initial_state(), method="lm")
@@ -114,14 +142,14 @@ class Plant(ABC):
     def step(self, state: Array, before: Array, applied: Array) -> Array:
         """State (n,) one step later, while the actuators go from before (a,) to applied (a,)."""
         following = np.empty(len(self.state_names))
-        self.model.step(state, applied[: len(self.control_names)], self.model.parameters, following)
+        self.bound_model.step(state, applied[: len(self.control_names)], following)
         return following
 
     def outputs(self, states: Array) -> Array:
         """All outputs (..., L) of states (..., n)."""
         found = np.empty((*states.shape[:-1], len(self.output_names)))
         for index in np.ndindex(states.shape[:-1]):
-            self.model.outputs(states[index], self.model.parameters, found[index])
+            self.bound_model.outputs(states[index], found[index])
         return found
 
     def joint_angles(self, applied: Array) -> Array:

@@ -166,7 +166,7 @@ class PaperController:
         """Outputs (2m+1,) at the horizon, and U^i (2m+1, m) of eq:xpred."""
         at, dynamics = self._roll_out, self._dynamics
         now = np.empty(len(self._plant.output_names))
-        self._plant.model.outputs(state, self._plant.model.parameters, now)
+        self._plant.bound_model.outputs(state, now)
         if dynamics is not None and "measured_before" in self._variants:
             dynamics.numbers[-1], self._measured = self._measured, now[self._output]
         at.points[:] = points

@@ -159,7 +159,7 @@ def test_a_roll_out_is_the_plant_run_step_by_step(plant, turning):
         for j in range(6):
             control = sequence[j // 2].copy()
             control[3] = alpha + (0.5 if j % 2 == 0 else 1.0) * (control[3] - alpha)
-            plant.model.step(x, control, plant.model.parameters, following)
+            plant.bound_model.step(x, control, following)
             x = following.copy()
             alpha = sequence[j // 2, 3] if j % 2 else alpha
             assert rates[j] == pytest.approx(x[12], abs=1e-12)

@@ -70,7 +70,7 @@ class Turn:
     def held_step(self, x, u, dt):
         """The controller's model: the posture held over the step."""
         following = np.empty(13)
-        self.plant.model.step(x, np.ascontiguousarray(u), self.plant.model.parameters, following)
+        self.plant.bound_model.step(x, np.ascontiguousarray(u), following)
         return following
 
     def window(self, k):

@@ -13,7 +13,7 @@ from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.roll_out import Dynamics, RollOut
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
 from skydiver_utc.controllers.utc.dynamics import incremental, user_dynamics
-from skydiver_utc.controllers.utc.law import Recovery, draw, update
+from skydiver_utc.controllers.utc.law import Law, Recovery, draw, update
 from skydiver_utc.controllers.utc.result import UtcResult
 from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
 from skydiver_utc.parameters.conversion import checked
@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 # How fast a control goes to its value after the reference, as a share of its rate limit, so that nothing jerks.
 _SHARE_OF_RATE_AFTER_REFERENCE = 0.1
 _STATUS, _RECOVERY = tuple(Status), tuple(Recovery)
+_KEPT_PREVIOUS = int(Status.KEPT_PREVIOUS)
 
 
 class UnscentedTransformController:
@@ -70,11 +71,6 @@ class UnscentedTransformController:
                 if name not in names:
                     raise ValueError(f"{block}.{name}: the plant has {', '.join(names)}")
         self._steps, self._l = settings.steps, len(outputs)
-        self._tangent, self._kept_share, self._W0 = (
-            settings.aim == "tangent",
-            1.0 - settings.forgetting_factor,
-            settings.W0,
-        )
         self._limits = limits_of(plant)
         self._initial = plant.initial_control()
         self._after = self._initial.copy()
@@ -90,7 +86,7 @@ class UnscentedTransformController:
             settings.Qu_ratio * variances if settings.Qu is None else matrix("Qu", settings.Qu, controls)
         )
         smallest = 1e-9 * float(np.diag(variances).min())
-        self._floor = smallest if settings.covariance_floor is None else settings.covariance_floor
+        floor = smallest if settings.covariance_floor is None else settings.covariance_floor
         self._coupling: CouplingSchedule | None = None
         if settings.coupling is not None:
             self._coupling = CouplingSchedule(
@@ -101,31 +97,40 @@ class UnscentedTransformController:
         if not np.linalg.eigvalsh(tracked)[0] > 0.0:
             raise ValueError("P_err must be positive definite")
         further = [plant.output_names.index(name) for name in settings.outputs]
-        self._nominal = np.array([controls.index(name) for name in settings.nominal], dtype=np.int64)
+        nominal = np.array([controls.index(name) for name in settings.nominal], dtype=np.int64)
         self._count = self._l + len(further)
         of_step = np.diag([0.0] * self._l + [output.P_err for output in settings.outputs.values()])
         of_step[: self._l, : self._l] = tracked
         size = self._count * len(self._steps)
-        self._P_err = np.zeros((size + len(self._nominal),) * 2)
+        self._P_err = np.zeros((size + len(nominal),) * 2)
         self._P_err[:size, :size] = np.kron(np.eye(len(self._steps)), of_step)
         self._reference = np.empty(len(self._P_err))
         for k, output in enumerate(settings.outputs.values()):
             self._reference[self._l + k : size : self._count] = output.reference
-        for k, (name, nominal) in enumerate(settings.nominal.items()):
-            self._P_err[size + k, size + k] = nominal.variance
-            self._reference[size + k] = self._inside(f"nominal.{name}", nominal.value, controls.index(name))
+        for k, (name, drawn) in enumerate(settings.nominal.items()):
+            self._P_err[size + k, size + k] = drawn.variance
+            self._reference[size + k] = self._inside(f"nominal.{name}", drawn.value, controls.index(name))
 
         inside = self._dynamics_of(settings, plant, outputs, dynamics)
-        self._saves_first = inside is not None
         self.preview_steps = settings.preview_steps(plant.dt_s)
         selected = [plant.output_names.index(name) for name in outputs] + further
         self._roll_out = RollOut(
             plant.model, len(plant.output_names), self._steps, selected, self._limits, (2 * m + 1, m), inside
         )
-        outputs_of_points = self._roll_out.outputs
-        self._Y = outputs_of_points if not len(self._nominal) else np.zeros((2 * m + 1, len(self._P_err)))
-        self._weights = weights(m, settings.W0)
+        at, L = self._roll_out, len(self._P_err)
+        self._control, self._Pu = at.applied, variances.copy()
+        self._predicted, self._innovation = np.zeros(L), np.zeros(L)
+        self._Qu_now, self._events = self._Qu.copy(), np.zeros(3, dtype=np.int64)
+        law = Law(
+            np.array(self._steps), at.points, at.outputs, weights(m, settings.W0), settings.W0, floor,
+            1.0 - settings.forgetting_factor, self._limits, self._P_err, self._Qu_now, nominal, self._l, self._count,
+            settings.aim == "tangent", np.zeros((2 * m + 1, L)) if len(nominal) else at.outputs,
+            at.points if inside is None else at.first, self._reference, self._predicted, self._innovation,
+            self._control, self._Pu, np.empty((m, m)), self._events,
+        )  # fmt: skip
         self._n = plant.model.state_size
+        self._out = np.empty(2 * self._l + m + 2)
+        self._run = at.between(draw, update, law, np.empty(self._n), np.empty((1, self._l)), self._out)
         self.telemetry_names: tuple[str, ...] = (
             *(f"predicted_{name}" for name in outputs),
             *(f"innovation_{name}" for name in outputs),
@@ -176,8 +181,8 @@ class UnscentedTransformController:
 
         Whether the reference has moved already is not known then; a control nearer to that after it says so.
         """
-        self._control = np.clip(control, self._limits[0], self._limits[1])
-        self._predicted, self._innovation = np.zeros(len(self._P_err)), np.zeros(len(self._P_err))
+        self._control[:] = np.clip(control, self._limits[0], self._limits[1])
+        self._predicted[:], self._innovation[:] = 0.0, 0.0
         self._begin_from(self._initial_Pu)
         if self._coupling is not None:
             self._coupling.reset()
@@ -188,8 +193,8 @@ class UnscentedTransformController:
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """Control for a state (n,) and the reference preview (preview_steps + 1, l)."""
-        status, recovery, _, repaired = self._step(state, preview, None)
-        return Decision(self.control, self._telemetry(repaired, recovery), status)
+        status, _, _ = self._step(state, preview, None)
+        return Decision(self._control.copy(), self._out.copy(), status)
 
     def step(self, state: ArrayLike, reference: ArrayLike, *, Qu: ArrayLike | None = None) -> UtcResult:
         """The control to apply until the next step, with what led to it.
@@ -207,16 +212,16 @@ class UnscentedTransformController:
         if noise is not None and noise.shape != before.shape * 2:
             raise ValueError(f"Qu has shape {noise.shape} instead of {before.shape * 2}.")
         if _finite(x, preview[: self._steps[-1] + 1]):
-            status, recovery, lost, repaired = self._step(x, preview, noise)
+            status, recovery, lost = self._step(x, preview, noise)
         else:
             self._innovation[:] = 0.0
-            status, recovery, lost, repaired = Status.KEPT_PREVIOUS, Recovery.NONE, 0, 0.0
+            status, recovery, lost = self._without_update(Status.KEPT_PREVIOUS)
         return UtcResult(
             control=self.control,
             predicted=self._predicted[: self._l * len(self._steps)].copy(),
             innovation=self._innovation[: self._l * len(self._steps)].copy(),
             covariance=self.Pu,
-            repaired=repaired,
+            repaired=float(self._out[-2]),
             lost=lost,
             cause=self._roll_out.cause,
             recovery=recovery,
@@ -235,39 +240,40 @@ class UnscentedTransformController:
         """The covariance of the control now (m, m), a copy."""
         return self._Pu.copy()
 
-    def _step(self, state: Array, preview: Array, Qu: Array | None) -> tuple[Status, Recovery, int, float]:
-        """One step of the law: status, recovery, lost points, and what was added to eigenvalues of Pu."""
+    def _step(self, state: Array, preview: Array, Qu: Array | None) -> tuple[Status, Recovery, int]:
+        """One step of the law: status, recovery, lost points; the rest stands in `_out`."""
         if self._holds_after:
             self._moved = self._moved or bool(preview[0].any())
             if self._moved and not preview.any():
                 self._hold_after_reference()
-                return Status.SOLVED, Recovery.NONE, 0, 0.0
-        at, l = self._roll_out, self._l
+                return self._without_update(Status.SOLVED)
         if not self._started:
             self._begin_from(self._first_Pu(preview))
             self._started = True
-        usual = self._Qu if self._coupling is None else self._coupling.process_noise(preview[:, 0])
-        Qu = usual if Qu is None else Qu
-        for t, j in enumerate(self._steps):
-            wanted = preview[0] + j * (preview[1] - preview[0]) if self._tangent else preview[j]
-            self._reference[t * self._count : t * self._count + l] = wanted
-        repaired = draw(self._control, self._Pu, self._W0, self._floor, self._limits, at.points)
-        at(state, self._control, preview)
-        if len(self._nominal):
-            self._Y[:, : at.outputs.shape[1]] = at.outputs
-        status, recovery, lost = update(
-            self._weights, self._Y, at.first if self._saves_first else at.points, self._nominal, self._P_err, Qu,
-            self._reference, self._limits, self._kept_share, repaired, self._control, self._Pu,
-            self._predicted, self._innovation,
-        )  # fmt: skip
-        if status == Status.KEPT_PREVIOUS:
+        if Qu is None:
+            Qu = self._Qu if self._coupling is None else self._coupling.process_noise(preview[:, 0])
+        if Qu is not None:
+            self._Qu_now[:] = Qu
+        self._run(state, preview, self._out)
+        status, recovery, lost = self._events.tolist()
+        if status == _KEPT_PREVIOUS:
             self._innovation[:] = 0.0
             if not _finite(state, preview[: self._steps[-1] + 1]):
-                return Status.KEPT_PREVIOUS, Recovery.NONE, 0, 0.0
+                return self._without_update(Status.KEPT_PREVIOUS)
             # It could fail again and again.
             self._begin_from(self._first_Pu(preview))
-            return Status.KEPT_PREVIOUS, Recovery.RESTARTED, lost, repaired
-        return _STATUS[status], _RECOVERY[recovery], lost, repaired
+            return self._without_update(Status.KEPT_PREVIOUS, Recovery.RESTARTED, lost, self._out[-2])
+        return _STATUS[status], _RECOVERY[recovery], lost
+
+    def _without_update(
+        self, status: Status, recovery: Recovery = Recovery.NONE, lost: int = 0, repaired: float = 0.0
+    ) -> tuple[Status, Recovery, int]:
+        """The result of a step in which the law moved nothing."""
+        out, l = self._out, self._l
+        out[:l], out[l : 2 * l] = self._predicted[:l], self._innovation[:l]
+        out[2 * l : -2] = np.sqrt(np.maximum(self._Pu.diagonal(), 0.0))
+        out[-2:] = repaired, recovery
+        return status, recovery, lost
 
     def _first_Pu(self, preview: Array) -> Array:
         """Pu at a run's first step; with a coupling its signs are those of the reference."""
@@ -276,20 +282,13 @@ class UnscentedTransformController:
         )
 
     def _begin_from(self, Pu: Array) -> None:
-        self._Pu = Pu.copy()
+        self._Pu[:] = Pu
 
     def _hold_after_reference(self) -> None:
         """Move to the controls after the reference, at a share of their rate limit; no feedback."""
         rate = _SHARE_OF_RATE_AFTER_REFERENCE * self._limits[2]
         wanted = np.clip(self._after, self._limits[0], self._limits[1])
-        self._control = np.clip(wanted, self._control - rate, self._control + rate)
-
-    def _telemetry(self, repaired: float, recovery: Recovery) -> Array:
-        values, l = np.empty(len(self.telemetry_names)), self._l
-        values[:l], values[l : 2 * l] = self._predicted[:l], self._innovation[:l]
-        values[2 * l : -2] = np.sqrt(np.maximum(self._Pu.diagonal(), 0.0))
-        values[-2], values[-1] = repaired, recovery
-        return values
+        self._control[:] = np.clip(wanted, self._control - rate, self._control + rate)
 
     def _variances(self, settings: UtcSettings, controls: tuple[str, ...]) -> Array:
         if settings.Pu is not None:

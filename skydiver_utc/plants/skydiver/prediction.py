@@ -4,7 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.jit import program
+from skydiver_utc.jit import inlined
 from skydiver_utc.plants.skydiver.dynamics import advance
 from skydiver_utc.plants.skydiver.model import PlantModel
 from skydiver_utc.rotations import up_of_quaternion
@@ -12,7 +12,7 @@ from skydiver_utc.rotations import up_of_quaternion
 Array = NDArray[np.float64]
 
 
-@program
+@inlined
 def skydiver_step(state: Array, control: Array, parameters: PlantModel, out: Array) -> None:
     """State (13,) one dt later, out may be the state itself.
 
@@ -26,7 +26,7 @@ def skydiver_step(state: Array, control: Array, parameters: PlantModel, out: Arr
     advance(parameters, state, control, alpha, rate, rate_after, not held, out, parameters.work)
 
 
-@program
+@inlined
 def named_outputs(state: Array, parameters: PlantModel, out: Array) -> None:
     """Yaw, pitch and roll rate [rad/s], fall rate [m/s] (4,)."""
     up_x, up_y, up_z = up_of_quaternion(state[3], state[4], state[5], state[6])

@@ -122,7 +122,7 @@ class SkydiverPlant(Plant):
         """State (13,) one dt later while the actuators go from before (5,) to applied (5,)."""
         following = np.empty(STATE_SIZE)
         held = np.concatenate((applied, before)) if self.constants.limb_reaction else applied[:4]
-        self.model.step(state, held, self.constants, following)
+        self.bound_model.step(state, held, following)
         return following
 
     def joint_angles(self, applied: Array) -> Array:
