@@ -2,9 +2,9 @@
 """The table of docs/rivals.md, UTC beside its rivals on the same plant and tasks: ``python benchmarks/rivals.py``.
 
 Each controller flies the fast turn (400 deg/s at 0.2 Hz) with its scenario's parameters, and the slow turn
-(180 deg/s at 0.1 Hz) with the same ones. RMSE, convergence and effort as `skydiver-utc simulate` reports them. What
-a decision takes is in docs/benchmarks.md. With --tool-chains the rows of tool_chains/tuned.yaml instead, some ten
-minutes: ``make rivals-tools``.
+(180 deg/s at 0.1 Hz) with the same ones, with the paper's skydiver or with ``--skydiver athlete``. RMSE, convergence
+and effort as `skydiver-utc simulate` reports them. What a decision takes is in docs/benchmarks.md. With
+--tool-chains the rows of tool_chains/tuned.yaml instead, some ten minutes: ``make rivals-tools``.
 """
 
 from collections.abc import Iterator
@@ -48,19 +48,19 @@ class Entry(NamedTuple):
     build: Build
 
 
-def package() -> Iterator[Entry]:
+def package(who: tuple[str, object]) -> Iterator[Entry]:
     """The controllers of the package."""
     for command, one in FLOWN.items():
-        slow = case(one.scenario, *one.settings, *SLOW).load()
-        yield Entry(command, one.load(), slow, build_controller)
+        fast, slow = (case(one.scenario, *one.settings, who, *turn) for turn in ((), SLOW))
+        yield Entry(command, fast.load(), slow.load(), build_controller)
 
 
-def chains() -> Iterator[Entry]:
+def chains(who: tuple[str, object]) -> Iterator[Entry]:
     """The tool chains, which are an extra."""
     from tool_chains.chains import controller_of, tuned
 
-    slow = tuned(dict(SLOW))
-    for name, (chain, fast) in tuned().items():
+    slow = tuned(dict((who, *SLOW)))
+    for name, (chain, fast) in tuned(dict((who,))).items():
         yield Entry(name, fast, slow[name].scenario, controller_of(chain))
 
 
@@ -73,10 +73,12 @@ def number(value: float | None) -> str:
 
 @click.command(help=__doc__)
 @click.option("--tool-chains", is_flag=True, help="The rows of the tool chains (extra bench).")
-def main(tool_chains: bool) -> None:
+@click.option("--skydiver", default="paper", show_default=True, help="Who is flown, as plant.skydiver.")
+def main(tool_chains: bool, skydiver: str) -> None:
+    who = ("plant.skydiver", skydiver)
     print("| scenario | RMSE | converged | effort | slow turn: RMSE | effort |")
     print("|---|---|---|---|---|---|")
-    for entry in chains() if tool_chains else package():
+    for entry in chains(who) if tool_chains else package(who):
         fast, slow = (metrics(simulate(s, build=entry.build)) for s in (entry.fast, entry.slow))
         print(
             f"| `{entry.name}` | {number(fast['rmse_deg_s'])} | {number(fast['convergence_time_s'])}"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How far one setting of UTC follows, and how far the body can: ``python benchmarks/sweep.py``.
 
-The skydiver follows sines of every amplitude and frequency of a grid, with one setting of a controller at a time:
+The athlete follows sines of every amplitude and frequency of a grid, with one setting of a controller at a time:
 UTC as the paper has it, UTC with the options beyond the paper, and Gauss-Newton predictive control with one held
 control, which has UTC's parametrisation. What one of them follows, the body can do. Where the body itself is at
 its end, whoever controls it, its largest yaw acceleration tells (reachability.py): in the straight fall, and along
@@ -23,6 +23,7 @@ AMPLITUDES = (100, 200, 300, 400)
 FREQUENCIES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 GAUSS_NEWTON = "Gauss-Newton, one held control"
 ASKED = "Asked of the body"
+ATHLETE = {"plant.skydiver": "athlete"}
 FLOWN = {
     "UTC, the paper's setting": "fast_turn_unknown_dynamics",
     "UTC, beyond the paper": "fast_turn_beyond_the_paper",
@@ -37,7 +38,11 @@ def turn_of(amplitude: float, frequency: float) -> dict[str, float | int]:
 
 def sweep(scenario: str) -> list[list[Run]]:
     """Each turn flown, one row per amplitude."""
-    return [[simulate(load_scenario(scenario, turn_of(a, f))) for f in FREQUENCIES] for a in AMPLITUDES]
+
+    def flown(amplitude: float, frequency: float) -> Run:
+        return simulate(load_scenario(scenario, {**ATHLETE, **turn_of(amplitude, frequency)}))
+
+    return [[flown(a, f) for f in FREQUENCIES] for a in AMPLITUDES]
 
 
 def result(flight: Run) -> tuple[float, float]:
@@ -107,7 +112,8 @@ def main(figure: Path | None) -> None:
             shares = [[reachability.in_flight(flight) for flight in row] for row in flights]
             title = f"{name}: share of the largest yaw acceleration asked for, at most (above 1 for so long)"
             tell(title, [[f"{largest:.2f} ({above:.0%})" for largest, above in row] for row in shares])
-    maps[ASKED] = reachability.of_sines(load_scenario(FLOWN[GAUSS_NEWTON]), AMPLITUDES, FREQUENCIES)
+    athlete = load_scenario(FLOWN[GAUSS_NEWTON], ATHLETE)
+    maps[ASKED] = reachability.of_sines(athlete, AMPLITUDES, FREQUENCIES)
     tell(
         f"{ASKED}, straight fall: the same share", [[f"{share:.2f}" for share in row] for row in maps[ASKED]]
     )

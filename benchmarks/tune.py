@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tune a controller on the fast turn: ``python benchmarks/tune.py CONTROLLER``, the same search for each.
 
+The scenario's skydiver is flown unless ``--skydiver`` names another one.
+
 The first flight has the starting values. Half of the rest are drawn at random, each parameter log-uniform within
 FACTOR of its start; the other half are drawn around the best so far, log-normal with a spread that falls by the
 flight from a third of the way to FACTOR to a hundredth. Values are rounded to three digits and cut at the
@@ -38,6 +40,7 @@ ROLLED_OVER, DIVERGED = 100.0, 1000.0
 LOST = 20.0
 TASK = "fast_turn_pose_only"
 
+Turn = dict[str, object]  # changes to a scenario by dotted name
 Values = dict[str, float | int]  # by dotted name below `controller`; HANDS stands for both hands
 
 HANDS = "hands"
@@ -127,13 +130,13 @@ SUBJECTS: dict[str, Subject] = {
 }
 
 
-TURNS: dict[str, list[Values]] = {
+TURNS: dict[str, list[Turn]] = {
     "fast": [{}],
-    "all": [turn_of(amplitude, frequency) for amplitude in AMPLITUDES for frequency in FREQUENCIES],
+    "all": [dict(turn_of(amplitude, frequency)) for amplitude in AMPLITUDES for frequency in FREQUENCIES],
 }
 
 
-def objective(subject: Subject, values: Values, turns: list[Values]) -> float:
+def objective(subject: Subject, values: Values, turns: list[Turn]) -> float:
     """What is to be small."""
     errors = [error(subject, scenario_of(subject, values, turn)) for turn in turns]
     if len(turns) == 1:
@@ -149,7 +152,7 @@ def error(subject: Subject, scenario: Scenario) -> float:
     return float(flown["rmse_deg_s"]) + ROLLED_OVER * (flown["outcome"] == Outcome.ROLLED_OVER.value)
 
 
-def scenario_of(subject: Subject, values: Values, turn: Values) -> Scenario:
+def scenario_of(subject: Subject, values: Values, turn: Turn) -> Scenario:
     """The fast turn with this controller, or another turn."""
     changes = {f"controller.{name}": value for name, value in expanded(values).items()}
     return load_scenario(subject.scenario, {**changes, **turn})
@@ -175,7 +178,7 @@ def admitted(value: float, start: float | int, limits: tuple[float, float]) -> f
     return round(value) if isinstance(start, int) else value
 
 
-def search(subject: Subject, turns: list[Values], flights: int, seed: int) -> Iterator[tuple[Values, float]]:
+def search(subject: Subject, turns: list[Turn], flights: int, seed: int) -> Iterator[tuple[Values, float]]:
     """Flown parameters with their objectives."""
     generator = np.random.default_rng(seed)
     scenario = scenario_of(subject, subject.start, {})
@@ -210,16 +213,19 @@ def search(subject: Subject, turns: list[Values], flights: int, seed: int) -> It
 @click.option(
     "--turns", default="fast", show_default=True, type=click.Choice(list(TURNS)), help="What is flown."
 )
+@click.option("--skydiver", help="Who is flown, as plant.skydiver.")
 @click.option("--flights", default=FLIGHTS, show_default=True, help="Flights in all.")
 @click.option("--seed", default=1, show_default=True, help="Seed of the search.")
-def main(controller: str, turns: str, flights: int, seed: int) -> None:
+def main(controller: str, turns: str, skydiver: str | None, flights: int, seed: int) -> None:
     subject, best, began = SUBJECTS[controller], math.inf, time.process_time()
-    chosen = subject.start
-    for flight, (values, result) in enumerate(search(subject, TURNS[turns], flights, seed)):
+    chosen, who = subject.start, {} if skydiver is None else {"plant.skydiver": skydiver}
+    flown = [turn | who for turn in TURNS[turns]]
+    for flight, (values, result) in enumerate(search(subject, flown, flights, seed)):
         if result < best:
             best, chosen = result, values
             print(f"# flight {flight}: {result:.4g} deg/s", flush=True)
-    print(f"# python benchmarks/tune.py {controller} --turns {turns} --flights {flights} --seed {seed}")
+    of = f" --skydiver {skydiver}" if skydiver else ""
+    print(f"# python benchmarks/tune.py {controller} --turns {turns} --flights {flights} --seed {seed}{of}")
     print(f"# objective {best:.4g} deg/s, {time.process_time() - began:.0f} s of CPU")
     print("controller:")
     for name, value in expanded(chosen).items():

@@ -12,7 +12,12 @@ from telemetry_figure import telemetry_figure
 
 from skydiver_utc.analysis.style import png
 from skydiver_utc.studies.cases import Case, case, run_all, whole
-from skydiver_utc.studies.paper_cases import NO_FALL_RATE, PI, PRINTED_HANDS, UNKNOWN
+from skydiver_utc.studies.paper_cases import PI, UNKNOWN
+
+# The athlete with the paper's hand force of the other direction: his hands bank him and slow his fall.
+STRONG_HANDS = (("plant.skydiver", "athlete"), ("plant.hands.force", "dorsal"), ("plant.hands.K_N", 100.0))
+ROLL_RATE = ("controller.outputs.roll_rate", {"reference": 0.0, "P_err": 1e-4})
+FALL_RATE = ("controller.outputs.fall_rate", {"reference": 57.2, "P_err": 0.05})
 
 
 class Step(NamedTuple):
@@ -94,9 +99,9 @@ STEPS = (
         "7_outputs",
         "Outputs: what else must not move",
         {
-            "yaw rate alone, strong hands": case(PI, PRINTED_HANDS),
-            "and roll rate": case("fast_turn_paper_hands", NO_FALL_RATE),
-            "and roll and fall rate": case("fast_turn_paper_hands"),
+            "yaw rate alone, strong hands": case(PI, *STRONG_HANDS),
+            "and roll rate": case(PI, *STRONG_HANDS, ROLL_RATE),
+            "and roll and fall rate": case(PI, *STRONG_HANDS, ROLL_RATE, FALL_RATE),
         },
     ),
     Step(

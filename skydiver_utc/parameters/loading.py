@@ -16,6 +16,7 @@ from skydiver_utc.parameters.yaml_io import parse_yaml, read_yaml, refuse_non_fi
 
 # Fields whose value may be the name of a file: field -> folder below config/.
 _NAMED = {
+    "skydiver": "skydivers",
     "subject": "subjects",
     "segments": "segments",
     "suit": "suits",
@@ -60,11 +61,18 @@ def load_scenario(name_or_path: str, overrides: Mapping[str, object] | None = No
     """Read, resolve and check one scenario.
 
     `name_or_path` is a name below ``config/scenarios`` or the path of a YAML file; `overrides` maps
-    dotted names ("controller.horizon_steps") to values. Raises `ParameterError`.
+    dotted names ("controller.horizon_steps") to values. "plant.skydiver" counts as written in the file: what
+    the scenario sets itself stays. Raises `ParameterError`.
     """
     path = _scenario_path(name_or_path)
     search_modules_in(path.parent)
-    return _overridden(_read_extended(path, seen=()), overrides or {}, origin=name_or_path)
+    content, changes = _read_extended(path, seen=()), dict(overrides or {})
+    if (skydiver := changes.pop("plant.skydiver", None)) is not None:
+        plant = content.get("plant")
+        if isinstance(plant, dict) and isinstance(plant.get("subject"), dict):
+            raise ParameterError(f"{name_or_path} has its skydiver written out: change the fields of plant")
+        content = _merge(content, {"plant": {"skydiver": skydiver}})
+    return _overridden(content, changes, origin=name_or_path)
 
 
 def override(scenario: Scenario, overrides: Mapping[str, object]) -> Scenario:
@@ -173,13 +181,19 @@ def _overridden(content: dict[str, Any], overrides: Mapping[str, object], origin
 
 
 def _over_defaults(content: dict[str, Any]) -> dict[str, Any]:
-    """Plant and controller laid over the file of their kind, if there is one."""
+    """Plant and controller laid over the file of their kind, if there is one; between them the plant's skydiver."""
     for slot in _SLOTS_WITH_DEFAULTS:
         block = content.get(slot)
-        kind = block.get("kind") if isinstance(block, dict) else None
+        if not isinstance(block, dict):
+            continue
+        kind, own = block.get("kind"), dict(block)
         path = config_folder() / f"{slot}s" / f"{kind}.yaml"
         if isinstance(kind, str) and kind.isidentifier() and path.is_file():
-            content = _merge({slot: _resolve_names(read_yaml(path))}, content)
+            defaults = _resolve_names(read_yaml(path))
+            skydiver = defaults.pop("skydiver", {})
+            if isinstance(own.get("skydiver"), dict):
+                skydiver = own.pop("skydiver")
+            content = {**content, slot: _merge(_merge(defaults, skydiver), own)}
     return content
 
 

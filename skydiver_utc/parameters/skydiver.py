@@ -29,8 +29,12 @@ class Damping(Parameters):
 
 
 class Hands(Parameters):
-    """Input moment of the hands (eq_force2)."""
+    """Force of the hands and its moment about the long axis (eq_force2)."""
 
+    force: Annotated[
+        Literal["ventral", "dorsal"],
+        text("where a hand pulls the body: ventral as printed in right-handed axes, or dorsal"),
+    ] = "ventral"
     K_N: Annotated[float, quantity("N", "hand force for a unit coefficient", ge=0, le=500)]
     lx_m: Annotated[float, quantity("m", "distance of the hands from the long axis", ge=0, le=1)]
 

@@ -44,7 +44,7 @@ def test_the_fast_turn_gives_its_pattern_back(tmp_path):
     bag = bag_of_postures(tmp_path / "run", postures, NAMES)
     printed = extract(bag, "--out", str(out), "--mean", str(mean))
     assert "turns left" in printed
-    np.testing.assert_allclose(components(out), direction_of("turn"), atol=1e-8)
+    np.testing.assert_allclose(components(out), direction_of("turn_paper"), atol=1e-8)
     (only,) = json.loads(extract(bag, "--json"))["components"]
     assert only["explained_variance"] == pytest.approx(1.0, abs=1e-12)
     content = read_yaml(out)

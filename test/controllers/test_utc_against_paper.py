@@ -122,11 +122,15 @@ def test_the_skydivers_utc_equals_the_paper(name, changes):
 
 def test_further_outputs_equal_the_paper_with_three_outputs():
     """Yaw rate, roll rate and fall rate tracked together, twelve steps against the paper's text with l = 3."""
-    turn = Turn("fast_turn_paper_hands")
+    outputs = {
+        "roll_rate": {"reference": 0.0, "P_err": 1e-4},
+        "fall_rate": {"reference": 56.27, "P_err": 0.05},
+    }
+    turn = Turn("fast_turn_pi_dynamics", outputs=outputs)
     further = turn.law.outputs
     P_err = np.diag([turn.law.P_err, *(further[name].P_err for name in ("roll_rate", "fall_rate"))])
 
-    def outputs(x):
+    def tracked(x):
         return np.array([x[12], x[10], -(Rotation.from_quat(x[3:7]).apply(x[7:10]))[2]])
 
     x, U, Pu = turn.plant.initial_state(), turn.plant.initial_control(), None
@@ -136,7 +140,7 @@ def test_further_outputs_equal_the_paper_with_three_outputs():
         signal = turn.window(k)[:, 0]
         wanted = np.array([signal[turn.law.horizon_steps], 0.0, turn.scenario.plant.initial.fall_speed_m_s])
         expected = paper.utc_step(
-            U, Pu, x, signal, Qu, turn.held_step, outputs, lambda s: float(s[12]), turn.settings(P_err=P_err),
+            U, Pu, x, signal, Qu, turn.held_step, tracked, lambda s: float(s[12]), turn.settings(P_err=P_err),
             y_ref=wanted,
         )  # fmt: skip
         np.testing.assert_allclose(decision.control, expected.U, rtol=1e-8, atol=1e-8)

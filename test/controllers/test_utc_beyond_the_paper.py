@@ -18,7 +18,9 @@ BEYOND = {
 
 
 def flown(name, amplitude, frequency, duration, changes=()):
+    """Metrics of a turn of the athlete."""
     turn = {
+        "plant.skydiver": "athlete",
         "reference.amplitude_deg_s": amplitude,
         "reference.frequency_hz": frequency,
         "duration_s": duration,

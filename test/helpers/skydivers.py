@@ -43,6 +43,7 @@ def oracle_constants(scenario):
         Cm_pitch=damping.Cm_damp_pitch,
         K_N=hands.K_N,
         lx=hands.lx_m,
+        force=hands.force,
         g=9.80665,
     )
 

@@ -16,12 +16,17 @@ from skydiver_utc.parameters import load_scenario, scenario_names
 
 FAST = "fast_turn_unknown_dynamics"
 PINNED = json.loads((Path(__file__).parents[1] / "data" / "metrics.json").read_text(encoding="utf-8"))
+# Largest RMSE [deg/s] of the paper's figures utc_m0_c2, utc_m1_c2 and utc_m1_c3.
+THE_PAPERS_THREE = {
+    "fast_turn_unknown_dynamics": 4.0,
+    "fast_turn_pi_dynamics": 3.0,
+    "fast_turn_pi_dynamics_rate_coupling": 2.0,
+}
 # Three digits: half a unit of the third one is at most this share.
 THREE_DIGITS = 5e-3
 # A yaw rate of 1e-13 deg/s more or less at the start moves these over the interval about the pinned value.
-# (fast_turn_unknown_dynamics takes one of two courses likewise, RMSE 3.612 or 3.628: the pinned value lies between.)
+# (fast_turn_unknown_dynamics takes one of two courses likewise, RMSE 3.069 or 3.079: the pinned value lies between.)
 CHAOTIC = {
-    "fast_turn_pose_tuned": {"rmse_deg_s": 0.5, "max_abs_error_deg_s": 1.8},
     "turn_360_left": {"angle_error_deg": 0.05, "overshoot_deg": 0.04},
     "turn_360_right": {"angle_error_deg": 0.05, "overshoot_deg": 0.04},
 }
@@ -59,21 +64,33 @@ def test_coupling_and_horizon_matter_when_the_dynamics_are_unknown() -> None:
 
 
 @pytest.mark.long
-def test_the_paper_s_hand_force_needs_further_outputs() -> None:
-    """K_N = 100 N without roll and fall rate as outputs: tracking is lost."""
-    alone = run_of("fast_turn_paper_hands", controller__outputs={})
-    assert metrics(alone)["rmse_deg_s"] > 100
+@pytest.mark.parametrize(("name", "largest"), list(THE_PAPERS_THREE.items()))
+def test_the_paper_s_three_figures_need_the_hands(name: str, largest: float) -> None:
+    """RMSE at most 4, 3 and 2 deg/s, inside 5 % by 2 s, and three times worse with hands that have no force."""
+    assert PINNED[name]["rmse_deg_s"] <= largest
+    assert PINNED[name]["convergence_time_s"] <= 2.0
+    assert metrics(run_of(name, plant__hands__K_N=0.0))["rmse_deg_s"] >= 3.0 * PINNED[name]["rmse_deg_s"]
 
 
 @pytest.mark.long
-def test_a_straight_fall_recovers_from_a_bank() -> None:
-    """60 s with the controls at rest after a bank of 20 deg: 53 to 60 m/s, belly to earth, no turn left."""
-    run = run_of("bank_recovery")
+@pytest.mark.parametrize("name", THE_PAPERS_THREE)
+def test_the_athlete_flies_the_same_turns(name: str) -> None:
+    """With less than a fifth of the printed hand force, more closely than the paper's skydiver."""
+    athlete = run_of(name, plant__skydiver="athlete")
+    assert athlete.scenario.plant.hands.K_N <= 18.0
+    assert metrics(athlete)["rmse_deg_s"] < PINNED[name]["rmse_deg_s"]
+
+
+@pytest.mark.parametrize("name", ["bank_recovery", "bank_recovery_paper"])
+def test_a_straight_fall_recovers_from_a_bank(name: str) -> None:
+    """40 s with the controls at rest after a bank of 20 deg: 53 to 60 m/s, belly to earth, no turn left."""
+    run = run_of(name, duration_s=50.0)
     settled = run.states[-round(10 / run.scenario.dt_s) :]
     speed = np.linalg.norm(settled[:, 7:10], axis=1)
     assert speed.min() > 53
     assert speed.max() < 60
-    assert np.abs(settled[:, 10:13]).max() < np.deg2rad(0.5)
+    assert np.abs(settled[:, 10:12]).max() < np.deg2rad(0.5)
+    assert np.abs(settled[:, 12]).max() < np.deg2rad(0.1)
 
 
 def test_left_and_right_are_mirror_images() -> None:
@@ -101,9 +118,11 @@ def test_commands_respect_bounds_and_slew_rate() -> None:
 
 
 def test_moving_limbs_lag_behind_the_command() -> None:
+    """By at most the way to stop from full rate and to reach it again, and one step."""
     run = run_of(FAST, duration_s=6.0)
-    lag = np.abs(run.commands[:, 3] - run.applied[:, 3])
-    assert 0.0 < lag.max() < 0.15
+    lag, rate = np.abs(run.commands[:, 3] - run.applied[:, 3]), run.plant.rate[3]
+    largest = rate**2 / run.scenario.plant.limbs.alpha_acceleration + rate * run.scenario.dt_s
+    assert 0.0 < lag.max() < largest < 0.2
     np.testing.assert_array_equal(run.commands[:, :3], run.applied[:, :3])
 
 

@@ -40,6 +40,7 @@ class Constants:
     Cm_pitch: float = 8.0
     K_N: float = 100.0  # N, eq_force2
     lx: float = 0.35  # m, eq_force2
+    force: str = "ventral"  # where the hands pull: a key of paper_utc.PAPER_AXES
     g: float = 9.80665  # m/s^2
 
 
@@ -92,7 +93,7 @@ def force_and_moment(
     """
     u = np.asarray(u, dtype=float)
     F = segment_forces(V, omega, p, c.rho)
-    hand_moment, hand_force = hand_moment_and_force(u[1], u[2], c.K_N, c.lx)
+    hand_moment, hand_force = hand_moment_and_force(u[1], u[2], c.K_N, c.lx, c.force)
     damping = damping_moment(V, omega, (c.Cm_roll, c.Cm_pitch, u[0]), c)
     M = np.cross(p.r, F).sum(axis=0) + damping + hand_moment
     return F.sum(axis=0) + hand_force, M

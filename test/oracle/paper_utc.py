@@ -487,16 +487,26 @@ def linear_oracle(u0: ArrayLike, Pu: ArrayLike, B: ArrayLike, R: ArrayLike, r: A
     return u
 
 
+# The paper's axes x, y, z as rows in body axes FLU (x to the head, y to the left, z dorsal). It says z longitudinal, y
+# sagittal, and no direction; both are right-handed with x to the left.
+PAPER_AXES = {
+    # y dorsal, z to the head: a positive yaw rate about y is a turn to the left, as in the paper's text.
+    "ventral": np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
+    # y ventral, z to the feet: a positive yaw rate about y is a turn to the right.
+    "dorsal": np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]]),
+}
+
+
 def hand_moment_and_force(
-    k_right: float, k_left: float, K_N: float = 100.0, lx: float = 0.35
+    k_right: float, k_left: float, K_N: float = 100.0, lx: float = 0.35, force: str = "ventral"
 ) -> tuple[Array, Array]:
-    """eq_force2, as (moment, force) vectors in body axes FLU (x to the head, y to the left, z dorsal).
+    """eq_force2, as (moment, force) vectors in body axes FLU; `force` is the direction that the axes give it.
 
     Printed:  Mz_hands = K_N lx_hand (k_right - k_left),   Fy_hands = -K_N (k_right + k_left)
-    in the paper's axes: z longitudinal, y sagittal; the frontal axis is then x.
-    Here:     M_x = K_N lx (k_left - k_right),             F_z = K_N (k_right + k_left)
-    which is the same if the paper's z points to the feet (z = -x_FLU) and its y to the chest side
-    (y = -z_FLU), so its x to the left (x = +y_FLU, right-handed). A hand that presses on the air is
-    pushed dorsally, so pressing the right hand (at y = -lx) gives a negative M_x.
     """
-    return np.array([K_N * lx * (k_left - k_right), 0.0, 0.0]), np.array([0.0, 0.0, K_N * (k_right + k_left)])
+    axes = PAPER_AXES[force]
+    moment, push = (
+        np.array([0.0, 0.0, K_N * lx * (k_right - k_left)]),
+        np.array([0.0, -K_N * (k_right + k_left), 0.0]),
+    )
+    return axes.T @ moment, axes.T @ push

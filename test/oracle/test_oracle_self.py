@@ -384,20 +384,26 @@ def test_closed_loop_with_modelled_alpha_tracks_a_plain_yaw_plant() -> None:
 # --------------------------------------------------------------------------- hands and rigid body
 
 
-def test_hands_agree_with_the_cross_product_and_with_the_papers_axes() -> None:
+@pytest.mark.parametrize(("direction", "along_z"), [("ventral", -100.0), ("dorsal", 100.0)])
+def test_the_printed_force_and_moment_are_one_force_at_each_hand(direction: str, along_z: float) -> None:
+    """r x F of hands at y = +-lx, in right-handed axes."""
+    assert np.linalg.det(pu.PAPER_AXES[direction]) == pytest.approx(1.0)
     rng = np.random.default_rng(20)
     for k_right, k_left in rng.uniform(0, 5, size=(5, 2)):
-        moment, force = pu.hand_moment_and_force(k_right, k_left)
-        right, left = np.array([0, 0, 100.0 * k_right]), np.array([0, 0, 100.0 * k_left])
+        moment, force = pu.hand_moment_and_force(k_right, k_left, force=direction)
+        right, left = np.array([0, 0, along_z * k_right]), np.array([0, 0, along_z * k_left])
         np.testing.assert_allclose(
             np.cross([0, -0.35, 0], right) + np.cross([0, 0.35, 0], left), moment, rtol=1e-13
         )
         np.testing.assert_allclose(right + left, force)
-        paper = np.array([[0, 1.0, 0], [0, 0, -1], [-1, 0, 0]])  # rows: the paper's x, y, z in FLU
-        assert np.linalg.det(paper) == pytest.approx(1.0)
-        assert (paper @ moment)[2] == pytest.approx(100.0 * 0.35 * (k_right - k_left))
-        assert (paper @ force)[1] == pytest.approx(-100.0 * (k_right + k_left))
-    assert pu.hand_moment_and_force(5.0, 0.0)[0][0] == pytest.approx(-175.0)
+
+
+def test_a_left_hand_takes_the_left_side_down_where_the_yaw_rate_is_positive_to_the_left() -> None:
+    """With y dorsal, as the paper's yaw rate is; M_x < 0 lowers the left side."""
+    moment, force = pu.hand_moment_and_force(0.0, 5.0, force="ventral")
+    assert pu.PAPER_AXES["ventral"][1] @ [0.0, 0.0, 1.0] == 1.0
+    assert moment[0] == pytest.approx(-175.0)
+    assert force[2] == pytest.approx(-500.0)
 
 
 def random_posture(seed: int, segments: int = 16) -> aero.Posture:
@@ -473,8 +479,8 @@ def test_force_and_moment_is_the_sum_of_its_parts() -> None:
     expected = (
         sum(np.cross(p.r[i], segments[i]) for i in range(16)) - scale * np.array([8.0, 7.0, 0.5]) * omega
     )
-    np.testing.assert_allclose(M, expected + np.array([35.0 * (0.4 - 1.0), 0, 0]), rtol=1e-12)
-    np.testing.assert_allclose(F, segments.sum(axis=0) + np.array([0, 0, 140.0]), rtol=1e-12)
+    np.testing.assert_allclose(M, expected + np.array([35.0 * (1.0 - 0.4), 0, 0]), rtol=1e-12)
+    np.testing.assert_allclose(F, segments.sum(axis=0) - np.array([0, 0, 140.0]), rtol=1e-12)
 
 
 def test_equations_of_motion_in_world_axes() -> None:

@@ -17,6 +17,7 @@ from skydiver_utc.parameters import (
     scenario_names,
     to_yaml,
 )
+from skydiver_utc.parameters.loading import config_folder
 
 FAST = "fast_turn_unknown_dynamics"
 SCENARIOS = {name: load_scenario(name) for name in scenario_names()}
@@ -103,6 +104,9 @@ def test_steps_and_stamps_are_integers():
         ({"plant.pattern.components.left_hip": [0.9, 0.0, 0.0]}, ["plant.pattern", "unit norm"]),
         ({"controller.W0": 1.0}, ["controller.W0"]),
         ({"plant.subject": "giant"}, ["giant", "average"]),
+        ({"plant.skydiver": "nobody"}, ["nobody", "athlete, paper"]),
+        ({"plant.skydiver": 3}, ["plant.skydiver"]),
+        ({"plant.hands.force": "upwards"}, ["plant.hands.force", "ventral, dorsal"]),
         ({"plant.subject.mass_kg": 5}, ["subject.mass_kg"]),
         ({"name.first": 1}, ["name"]),
         ({"controller": {"kind": "lqr", "K_p": 1.0}}, ["controller.K_p"]),
@@ -167,6 +171,34 @@ def test_a_block_with_a_name_replaces_that_of_its_kind_s_defaults(tmp_path):
         ).plant.subject.suit.name
         == "standard"
     )
+
+
+def test_a_scenario_picks_its_skydiver_and_keeps_what_it_sets_itself():
+    """The file's choice, the choice of an override, and a file of one's own over what every skydiver has."""
+    assert SCENARIOS[FAST].plant.hands.K_N == 100.0
+    athlete = load_scenario(FAST, {"plant.skydiver": "athlete"}).plant
+    assert athlete == load_scenario("fast_turn_beyond_the_paper").plant
+    layout, other = (
+        load_scenario("front_layout", change).plant for change in ({}, {"plant.skydiver": "paper"})
+    )
+    assert other.hands.K_N == 100.0 != layout.hands.K_N
+    assert (other.pattern.name, other.damping.Cm_damp_pitch) == ("layout", layout.damping.Cm_damp_pitch)
+
+
+def test_a_skydiver_may_be_a_file(tmp_path):
+    own = tmp_path / "mine.yaml"
+    text = (config_folder() / "skydivers" / "paper.yaml").read_text()
+    own.write_text(text + "air: {density_kg_m3: 1.225}\n")
+    plant = load_scenario("bank_recovery", {"plant.skydiver": str(own)}).plant
+    assert (plant.air.density_kg_m3, plant.hands.K_N, plant.initial.bank_deg) == (1.225, 100.0, 20.0)
+
+
+def test_another_skydiver_is_refused_where_one_is_written_out(tmp_path):
+    path = tmp_path / "flight.yaml"
+    path.write_text(to_yaml(SCENARIOS[FAST]))
+    assert "written out" in refused({"plant.skydiver": "athlete"}, str(path))
+    with pytest.raises(ParameterError, match=r"plant\.skydiver"):
+        override(SCENARIOS[FAST], {"plant.skydiver": "athlete"})
 
 
 @pytest.mark.parametrize("name", SCENARIOS)

@@ -67,10 +67,14 @@ def at_once(name):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", PATTERN_KINDS)
-def test_every_pattern_is_made_again_by_its_command(name, tmp_path):
+@pytest.mark.parametrize(
+    ("name", "kind", "skydiver"),
+    [*((kind, kind, "athlete") for kind in PATTERN_KINDS), ("turn_paper", "turn", "paper")],
+)
+def test_every_pattern_is_made_again_by_its_command(name, kind, skydiver, tmp_path):
     path = tmp_path / f"{name}.yaml"
-    arguments = ["pattern", "design", "bank_recovery", "--kind", name, "--seed", "1", "--out", str(path)]
+    of = ["--set", f"plant.skydiver={skydiver}", "--kind", kind]
+    arguments = ["pattern", "design", "bank_recovery", *of, "--seed", "1", "--out", str(path)]
     result = CliRunner().invoke(main, arguments)
     assert result.exit_code == 0, result.output
     made, committed = read_yaml(path), read_yaml(config_folder() / "patterns" / f"{name}.yaml")
@@ -82,7 +86,8 @@ def test_every_pattern_is_made_again_by_its_command(name, tmp_path):
 
 def test_the_library_is_the_kinds():
     files = {path.stem: read_yaml(path) for path in (config_folder() / "patterns").glob("*.yaml")}
-    assert {name for name, content in files.items() if content["kind"] == "direction"} == set(PATTERN_KINDS)
+    directions = {name for name, content in files.items() if content["kind"] == "direction"}
+    assert directions == {*PATTERN_KINDS, "turn_paper"}
     assert {row[0] for row in AT_ONCE} == {row[0] for row in HELD} == set(PATTERN_KINDS)
     assert [row[0] for row in LARGEST] == list(PATTERN_KINDS)
 

@@ -32,6 +32,9 @@ from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 SCENARIO = skydiver("fast_turn_unknown_dynamics")
 BODY = build_body(SCENARIO.plant.subject)
 MODEL = model_of(SCENARIO)
+# By the direction of the hands' force.
+PULLED = {name: skydiver("fast_turn_unknown_dynamics", hands__force=name) for name in ("ventral", "dorsal")}
+MODELS = {name: model_of(scenario) for name, scenario in PULLED.items()}
 
 
 def exact_geometry(alpha):
@@ -41,14 +44,15 @@ def exact_geometry(alpha):
     return geometry, inverse
 
 
+@pytest.mark.parametrize("direction", PULLED)
 @pytest.mark.parametrize("seed", range(20))
-def test_derivative_equals_transcription(seed):
-    rng = np.random.default_rng(seed)
-    state, control = random_state(rng), random_control(rng, SCENARIO)
+def test_derivative_equals_transcription(seed, direction):
+    rng, scenario = np.random.default_rng(seed), PULLED[direction]
+    state, control = random_state(rng), random_control(rng, scenario)
     geometry, inverse = exact_geometry(control[3])
     derivative = np.empty(13)
-    state_derivative(MODEL, geometry, inverse, control, state, derivative)
-    expected = oracle_derivative(SCENARIO, control)(state)
+    state_derivative(MODELS[direction], geometry, inverse, control, state, derivative)
+    expected = oracle_derivative(scenario, control)(state)
     np.testing.assert_allclose(derivative, expected, rtol=1e-10, atol=1e-10)
 
 
@@ -122,17 +126,19 @@ def test_integration_against_an_independent_integrator():
     np.testing.assert_allclose(state, solution.y[:, -1], rtol=2e-4, atol=2e-4)
 
 
-def test_hands_push_as_in_eq_force2():
-    """M_x = K_N lx (k_left - k_right), F_z = K_N (k_right + k_left), from the difference to hands at rest."""
+@pytest.mark.parametrize(("direction", "along_z"), [("ventral", -1.0), ("dorsal", 1.0)])
+def test_a_hand_pulls_at_its_place(direction, along_z):
+    """From the difference to hands at rest: a force along z at y = -lx (right) and lx (left), and r x F."""
     state, rest, pressed = np.zeros(13), np.empty(13), np.empty(13)
     state[6], state[9] = 1.0, -58.0
     geometry, inverse = exact_geometry(0.0)
-    state_derivative(MODEL, geometry, inverse, np.array([1.0, 0.0, 0.0, 0.0]), state, rest)
-    state_derivative(MODEL, geometry, inverse, np.array([1.0, 0.5, 2.0, 0.0]), state, pressed)
+    model, hands = MODELS[direction], SCENARIO.plant.hands
+    state_derivative(model, geometry, inverse, np.array([1.0, 0.0, 0.0, 0.0]), state, rest)
+    state_derivative(model, geometry, inverse, np.array([1.0, 0.5, 2.0, 0.0]), state, pressed)
     difference = pressed - rest
-    moment, force = oracle.hand_moment_and_force(
-        0.5, 2.0, SCENARIO.plant.hands.K_N, SCENARIO.plant.hands.lx_m
-    )
+    right, left = (np.array([0.0, 0.0, along_z * k * hands.K_N]) for k in (0.5, 2.0))
+    force = right + left
+    moment = np.cross([0.0, -hands.lx_m, 0.0], right) + np.cross([0.0, hands.lx_m, 0.0], left)
     np.testing.assert_allclose(difference[7:10], force / BODY.total_mass, atol=1e-12)
     inertia = configuration(BODY, joint_angles(SCENARIO)).inertia
     np.testing.assert_allclose(inertia @ difference[10:13], moment, atol=1e-10)

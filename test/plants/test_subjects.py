@@ -13,7 +13,7 @@ from skydiver_utc.parameters.yaml_io import read_yaml
 from skydiver_utc.plants.skydiver.trim import straight_fall
 
 # Posture by segment table and suit: a body scaled as a whole balances in the same posture.
-SUBJECTS = {
+ATHLETES = {
     ("average", "formation"): "neutral",
     ("average", "standard"): "neutral_standard",
     ("heavy", "formation"): "neutral",
@@ -21,10 +21,14 @@ SUBJECTS = {
     ("light", "formation"): "neutral_female",
     ("light", "standard"): "neutral_female_standard",
 }
+SUBJECTS = ATHLETES | {("paper", "paper"): "neutral_paper"}
+# Skydiver, files of his neutral posture and of his turn.
+SKYDIVERS = {"athlete": ("neutral", "turn"), "paper": ("neutral_paper", "turn_paper")}
 
 
 def scenario_of(subject, suit, posture=None):
-    return skydiver(subject=subject, subject__suit=suit, posture=posture or SUBJECTS[subject, suit])
+    of = {"skydiver": "paper"} if subject == "paper" else {"subject": subject, "subject__suit": suit}
+    return skydiver(posture=posture or SUBJECTS[subject, suit], **of)
 
 
 def by_the_oracle(scenario, alpha=0.0):
@@ -59,7 +63,7 @@ def test_every_subject_is_trimmed_from_the_box(subject, suit):
 
 def test_the_wider_suit_falls_slower_and_turns_faster():
     speed, turn = {}, {}
-    for subject, suit in SUBJECTS:
+    for subject, suit in ATHLETES:
         scenario = scenario_of(subject, suit)
         speed[subject, suit] = terminal_speed(by_the_oracle(scenario))
         turn[subject, suit] = by_the_oracle(scenario, scenario.plant.limits.alpha[1])(speed[subject, suit])[5]
@@ -70,12 +74,24 @@ def test_the_wider_suit_falls_slower_and_turns_faster():
         assert speed["light", suit] < speed["average", suit] < speed["heavy", suit]
 
 
-def test_the_neutral_posture_is_made_again_by_its_command(tmp_path):
+@pytest.mark.parametrize("name", SKYDIVERS)
+def test_a_skydiver_is_one_choice_and_falls_straight_from_the_start(name):
+    """All his files, and a speed and pitch at which nothing accelerates by more than the rounding of both."""
+    plant = skydiver(skydiver=name).plant
+    assert (plant.posture.name, plant.pattern.name) == SKYDIVERS[name]
+    accelerations = by_the_oracle(skydiver(skydiver=name))(plant.initial.fall_speed_m_s)
+    assert np.abs(accelerations).max() < 0.02
+
+
+@pytest.mark.parametrize("name", SKYDIVERS)
+def test_the_neutral_posture_is_made_again_by_its_command(name, tmp_path):
     """All but the name, which is that of the file."""
-    path = tmp_path / "neutral.yaml"
-    arguments = ["pattern", "neutral", "bank_recovery", "--set", "plant.posture=box", "--out", str(path)]
+    posture = f"{SKYDIVERS[name][0]}.yaml"
+    path = tmp_path / posture
+    settings = [f"--set=plant.skydiver={name}", "--set=plant.posture=box"]
+    arguments = ["pattern", "neutral", "bank_recovery", *settings, "--out", str(path)]
     assert CliRunner().invoke(main, arguments).exit_code == 0
-    made, committed = read_yaml(path), read_yaml(config_folder() / "postures" / "neutral.yaml")
+    made, committed = read_yaml(path), read_yaml(config_folder() / "postures" / posture)
     for joint, degrees in committed.pop("joint_angles_deg").items():
         np.testing.assert_allclose(made["joint_angles_deg"][joint], degrees, atol=1e-4)
     made.pop("joint_angles_deg")

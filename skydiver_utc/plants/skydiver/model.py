@@ -30,6 +30,8 @@ class PlantModel(NamedTuple):
     """Constants of one skydiver in one air, in SI units.
 
     geometry (n, 153) rows of `posture_row` at equally spaced pattern angles, from alpha_first [rad] on
+    hand_force component along the body's z (dorsal) of the force on a hand for a unit coefficient [N]
+    hand_arm y of the left hand, -y of the right one [m]: the hands' moment is r x F
     control_min, control_max (4,)
     """
 
@@ -72,7 +74,7 @@ def build_model(settings: SkydiverSettings, dt_s: float, moves: Movement | None 
         damping_roll=settings.damping.Cm_damp_roll,
         damping_pitch=settings.damping.Cm_damp_pitch,
         damping_volume=0.5 * settings.damping.reference_area_m2 * settings.damping.reference_length_m**2,
-        hand_force=settings.hands.K_N,
+        hand_force=settings.hands.K_N if settings.hands.force == "dorsal" else -settings.hands.K_N,
         hand_arm=settings.hands.lx_m,
         control_min=np.array(settings.limits.minimum),
         control_max=np.array(settings.limits.maximum),
