@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.recorded_run import RecordedRun
-from skydiver_utc.loop.decisions import Stretch, decide_at
+from skydiver_utc.loop.decisions import Decider, Stretch, decide_at
 from skydiver_utc.loop.registry import build_controller, build_estimator, build_plant
 from skydiver_utc.loop.run import ParameterChange, Run
 from skydiver_utc.parameters import Scenario, override
@@ -70,7 +70,7 @@ def check(recording: RecordedRun, instead: Callable[[Scenario], Scenario] = lamb
             "the recording has no whole step, so there is nothing to check: record the run again"
         )
     stretches = _stretches(recording, run, instead)
-    ahead = max(stretch.controller.preview_steps for stretch in stretches)
+    ahead = max(stretch.decider.controller.preview_steps for stretch in stretches)
     reference, added = _reference(recording, run, ahead)
     commands = decide_at(stretches, run.states, run.applied, reference)
     return Check(run, commands, added, recording.in_real_time, recording.reference_revised)
@@ -101,7 +101,7 @@ def _stretches(recording: RecordedRun, run: Run, instead: Callable[[Scenario], S
         # The controller may predict with another plant than the recorded one.
         plant = recording.plant if scenario.plant == run.scenario.plant else build_plant(scenario)
         controller = build_controller(scenario, plant, recording.reference, delay_steps)
-        return Stretch(row, controller, build_estimator(scenario, plant), control)
+        return Stretch(row, Decider(controller, build_estimator(scenario, plant)), control)
 
     begins = {}
     if run.first_step == 0:

@@ -7,14 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from skydiver_utc.controllers.protocol import Controller
-from skydiver_utc.loop.outcome import OutcomeMonitor
-from skydiver_utc.loop.registry import (
-    build_controller,
-    build_disturbances,
-    build_estimator,
-    build_plant,
-    build_reference,
-)
+from skydiver_utc.loop.decisions import Decider
+from skydiver_utc.loop.plant_steps import PlantSteps
+from skydiver_utc.loop.registry import build_controller, build_estimator, build_reference
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plants.protocol import Plant
@@ -30,43 +25,33 @@ def simulate(
 
     `build` makes the controller, where it is not the scenario's own.
     """
-    plant, reference = build_plant(scenario), build_reference(scenario)
+    plant_steps, reference = PlantSteps(scenario), build_reference(scenario)
+    plant = plant_steps.plant
     controller, estimator = build(scenario, plant, reference), build_estimator(scenario, plant)
-    disturbances = build_disturbances(scenario, plant)
+    decider = Decider(controller, estimator, plant_steps.disturbances)
     steps, m, width = scenario.steps, len(plant.control_names), controller.preview_steps + 1
     profile = reference.preview(0, steps + width)
-    state = plant.initial_state()
-    states = np.empty((steps + 1, len(state)))
+    states = np.empty((steps + 1, len(plant_steps.state)))
     commands, applied = np.empty((steps, m)), np.empty((steps, m))
     telemetry = np.empty((steps, len(controller.telemetry_names)))
     solve_time_s, status = np.empty(steps), np.empty(steps)
-    states[0], held = state, plant.initial_applied()
-    monitor = OutcomeMonitor(scenario, plant)
-    monitor.observe(0, state)
+    states[0] = plant_steps.state
 
     # Compiled before the clock starts.
-    controller.decide(state.copy(), profile[:width].copy())
-    controller.reset()
-    plant.step(state, held, plant.actuate(held[:m], held))
+    controller.decide(states[0].copy(), profile[:width].copy())
+    decider.begin()
+    plant_steps.begin()
     start = time.perf_counter()
     flown = steps
     for k in range(steps):
-        measured = states[k]
-        for disturbance in disturbances:
-            measured = disturbance.measurement(k, measured)
-        estimate = estimator.update(measured)
-        began_ns = time.perf_counter_ns()
-        decision = controller.decide(estimate, profile[k : k + width])
-        solve_time_s[k] = (time.perf_counter_ns() - began_ns) * 1e-9
+        decision = decider.decide(k, states[k], profile[k : k + width])
+        solve_time_s[k] = decider.solve_time_s
         commands[k], telemetry[k], status[k] = decision.control, decision.telemetry, decision.status
-        before, held = held, plant.actuate(decision.control, held)
-        applied[k] = held[:m]
-        estimator.predict(held)
-        state = plant.step(states[k], before, held)
-        for disturbance in disturbances:
-            state = disturbance.state(k + 1, state)
-        states[k + 1] = state
-        if not monitor.observe(k + 1, state):
+        goes_on = plant_steps.step(decision.control)
+        applied[k] = plant_steps.control
+        decider.predict(plant_steps.applied)
+        states[k + 1] = plant_steps.state
+        if not goes_on:
             flown = k + 1
             break
         if progress is not None and k % max(1, steps // 50) == 0:
@@ -87,7 +72,7 @@ def simulate(
         telemetry_names=controller.telemetry_names,
         solve_time_s=solve_time_s[:flown],
         status=status[:flown],
-        outcome=monitor.outcome,
-        reason=monitor.reason,
+        outcome=plant_steps.outcome,
+        reason=plant_steps.reason,
         wall_time_s=wall_time_s,
     )

@@ -1,44 +1,76 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A controller's decisions at given states, without a plant."""
+"""The controller's side of the closed loop: one decision for each measured state."""
 
+import time
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.controllers.protocol import Controller
+from skydiver_utc.controllers.protocol import Controller, Decision
+from skydiver_utc.disturbances.protocol import Disturbance
 from skydiver_utc.estimators.protocol import Estimator
 
 Array = NDArray[np.float64]
 
 
+class Decider:
+    """A controller behind its estimator and the disturbances of its measurements; `solve_time_s` of the last decision.
+
+    For each step `decide`, then `predict` with what the plant applied.
+    """
+
+    def __init__(
+        self, controller: Controller, estimator: Estimator, disturbances: Sequence[Disturbance] = ()
+    ) -> None:
+        self.controller = controller
+        self.solve_time_s = 0.0
+        self._estimator, self._disturbances = estimator, disturbances
+
+    def begin(self, control: Array | None = None) -> None:
+        """Begin a run, or continue one from an applied control (m,)."""
+        self._estimator.reset()
+        if control is None:
+            self.controller.reset()
+        else:
+            self.controller.resume(control)
+
+    def decide(self, k: int, state: Array, preview: Array) -> Decision:
+        """The decision at the state (n,) of step k, with the reference (preview_steps + 1, l) from there on."""
+        for disturbance in self._disturbances:
+            state = disturbance.measurement(k, state)
+        estimate = self._estimator.update(state)
+        began_ns = time.perf_counter_ns()
+        decision = self.controller.decide(estimate, preview)
+        self.solve_time_s = (time.perf_counter_ns() - began_ns) * 1e-9
+        return decision
+
+    def predict(self, applied: Array) -> None:
+        """Advance the estimate by one step under what the actuators applied (a,)."""
+        self._estimator.predict(applied)
+
+
 class Stretch(NamedTuple):
-    """Controller and estimator from row `first` to the next stretch; resumed from a control (m,) or reset."""
+    """A controller from row `first` to the next stretch; it begins from a control (m,) or from the start."""
 
     first: int
-    controller: Controller
-    estimator: Estimator
+    decider: Decider
     control: Array | None
 
 
 def decide_at(stretches: Sequence[Stretch], states: Array, applied: Array, reference: Array) -> Array:
-    """Commands (K, m) at states (K+1, n), applied controls (K, m), reference (K + longest preview, l).
+    """Commands (K, m) at states (K+1, n), applied controls (K, m), reference (K + longest preview, l), without a plant.
 
     The first stretch begins at row 0.
     """
     commands = np.empty_like(applied)
     ends = [stretch.first for stretch in stretches[1:]] + [len(applied)]
-    for (first, controller, estimator, control), end in zip(stretches, ends, strict=True):
-        estimator.reset()
-        if control is None:
-            controller.reset()
-        else:
-            controller.resume(control)
-        width = controller.preview_steps + 1
+    for (first, decider, control), end in zip(stretches, ends, strict=True):
+        decider.begin(control)
+        width = decider.controller.preview_steps + 1
         for k in range(first, end):
             # Copies, as a node has them: no controller can change what it is given next.
-            estimate = estimator.update(states[k].copy())
-            commands[k] = controller.decide(estimate, reference[k : k + width].copy()).control
-            estimator.predict(applied[k])
+            commands[k] = decider.decide(k, states[k].copy(), reference[k : k + width].copy()).control
+            decider.predict(applied[k])
     return commands

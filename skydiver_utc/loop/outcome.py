@@ -27,7 +27,7 @@ class OutcomeMonitor:
     def __init__(self, scenario: Scenario, plant: Plant) -> None:
         self._plant, self._dt_s = plant, scenario.dt_s
         self.outcome = Outcome.COMPLETED
-        self.reason = f"{scenario.steps} steps flown"
+        self.reason = f"{scenario.steps} steps done"
 
     def observe(self, k: int, state: NDArray[np.float64]) -> bool:
         """Check the state (n,) at step k; False when the run cannot go on."""

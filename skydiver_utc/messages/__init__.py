@@ -10,6 +10,7 @@ from skydiver_utc.messages.grid import StepGrid
 from skydiver_utc.messages.named import fill_named, read_named
 from skydiver_utc.messages.odometry import POSE_TWIST_NAMES, fill_odometry, read_odometry
 from skydiver_utc.messages.preview import PreviewStore, fill_preview, read_preview
+from skydiver_utc.messages.state import fill_state, read_state
 from skydiver_utc.messages.texts import (
     change_text,
     outcome_text,
@@ -30,12 +31,14 @@ __all__ = [
     "fill_named",
     "fill_odometry",
     "fill_preview",
+    "fill_state",
     "fill_twist",
     "outcome_text",
     "read_named",
     "read_odometry",
     "read_outcome",
     "read_preview",
+    "read_state",
     "read_twist",
     "run_id_of",
     "scenario_text",

@@ -3,21 +3,18 @@
 
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.context import Context
 from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
-from rclpy.timer import Timer
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 
 from skydiver_utc.controllers.protocol import Controller, Status
+from skydiver_utc.loop.decisions import Decider
 from skydiver_utc.loop.registry import (
     build_controller,
     build_disturbances,
@@ -26,28 +23,18 @@ from skydiver_utc.loop.registry import (
     build_reference,
     preview_steps,
 )
-from skydiver_utc.messages import (
-    TWIST_COMPONENTS,
-    MessageError,
-    PreviewStore,
-    StepGrid,
-    change_text,
-    fill_named,
-    fill_twist,
-    read_named,
-    read_odometry,
-    read_preview,
-)
+from skydiver_utc.loop.tuned_scenario import TunedScenario
+from skydiver_utc.messages import MessageError, PreviewStore, StepGrid, read_named, read_preview, read_state
 from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.controller_topics import ControllerTopics
 from skydiver_utc.nodes.diagnostics import Health, Level, Rate
 from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.nodes.process import run
-from skydiver_utc.parameters import ParameterError, from_yaml, leaves, override
+from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.parameters.nanoseconds import stamp_ns
 
 Vector = NDArray[np.float64]
 
-_STARTUP_POLL_S = 0.02
 _PATIENCE_S = 5.0
 
 
@@ -65,44 +52,36 @@ class ControllerNode(ScenarioNode):
     KIND = topics.CONTROLLER
     MAIN = topics.COMMAND
 
-    def __init__(
-        self,
-        context: Context | None = None,
-        overrides: Mapping[str, object] | None = None,
-        look_s: float = 0.0,
-    ) -> None:
-        super().__init__(context, overrides, look_s)
+    def build(self) -> None:
+        """Build the controller, which compiles it."""
         self.answered = -1
         self.passed_over = 0  # steps in real time without an answer, as a newer state was there
         self._vehicle = self.settings.mode == "vehicle"
+        self._qos = None if self.settings.mode == "lockstep" else topics.NEWEST
         self._status, self._slowest_s, self._rate = Status.SOLVED, 0.0, Rate()
         self._pending: tuple[int, Vector, Any] | None = None  # step, state and stamp that wait for an answer
-        self._qos = None if self.settings.mode == "lockstep" else topics.NEWEST
         self._states: Subscription | None = None
         self._applieds: Subscription | None = None  # until the first decision
-        self._startup: Timer | None = None
         self._new_state_at = time.monotonic()
-        self._start = self.scenario  # what `changes` are counted from
-        self._different: dict[str, object] = {}  # given to this node and not to the plant
-        self._changed: dict[str, object] = {}
+        self._tuned = TunedScenario(self.scenario, self.settings.delay_steps)
         self._coming: Controller | None = None  # in force from the next decision on
-        self._begins, self._began_at = True, 0  # the next decision is the first one; its step
+        self._is_first, self._began_at = True, 0  # of the next decision: the first one; its step
         self._began_from: Vector | None = None  # the applied command that it begins from
         self._applied: Vector | None = None  # the newest applied command
-        self.log_building()
+        self.get_logger().info("building")
         self._plant = build_plant(self.scenario)
         self._reference = build_reference(self.scenario)
         self._preview = PreviewStore(len(self._reference.outputs))
         self._previewed = 0  # steps of the newest preview
-        self._estimator = build_estimator(self.scenario, self._plant)
-        self._disturbances = () if self._vehicle else build_disturbances(self.scenario, self._plant)
-        self._use(self._build(self.scenario))
-        self._create_publishers()
+        self._command = np.zeros(len(self._plant.control_names))
+        self._out = ControllerTopics(self, self._plant.control_names)
+        disturbances = () if self._vehicle else build_disturbances(self.scenario, self._plant)
+        estimator = build_estimator(self.scenario, self._plant)
+        self._decider = Decider(self._build(self.scenario), estimator, disturbances)
+        self._use(self._decider.controller)
         self.subscribe(topics.REFERENCE_PREVIEW, self.on_preview)
         self.subscribe(topics.SCENARIO, self.on_scenario)
         self.add_on_set_parameters_callback(self._on_set_parameters)
-        self.every(_PATIENCE_S, self._log_what_is_missing)
-        self.start_unless_managed()
 
     def configure(self) -> None:
         """The controller at a run's beginning."""
@@ -113,11 +92,11 @@ class ControllerNode(ScenarioNode):
 
     def activate(self) -> None:
         """Subscribe to the state as soon as it can be answered."""
-        self._startup = self.every(_STARTUP_POLL_S, self._subscribe_when_ready)
+        self.begin_when(self._can_answer, self._subscribe_to_state)
 
     def deactivate(self) -> None:
         """End the subscription to the state; the controller's memory is kept."""
-        self._end_startup()
+        self.end_startup()
         self._pending = None
         if self._states is not None:
             self.destroy_subscription(self._states)
@@ -130,6 +109,10 @@ class ControllerNode(ScenarioNode):
     def is_live(self, name: str) -> bool:
         """True for the settings of the controller itself."""
         return name.startswith("controller.")
+
+    def newest_step(self) -> int:
+        """The step answered last."""
+        return self.answered
 
     def on_preview(self, message: Any) -> None:
         """Keep a preview of the reference; answer the pending state."""
@@ -147,11 +130,12 @@ class ControllerNode(ScenarioNode):
         k = self.grid.step_of(stamp)
         if k == self.answered:
             self.refusals.counts["repeated"] += 1
-            self._publish_command(stamp)
+            self._out.publish_command(stamp, self._command)
             return
         if 0 < k < self.answered:
             raise MessageError("older", f"it is of step {k}, step {self.answered} was answered already")
-        state = self._read_state(message)
+        frames = (self.settings.world_frame, self.settings.body_frame)
+        state = read_state(message, self._plant.state_names, frames)
         if fault := self._plant.fault(state):
             raise MessageError("model", fault)
         if k == 0 and self.answered > 0:
@@ -170,20 +154,11 @@ class ControllerNode(ScenarioNode):
     def on_scenario(self, message: Any) -> None:
         """Compare the plant's scenario, which is the recorded one, with that of this node."""
         try:
-            plants = {leaf.name: leaf.value for leaf in leaves(from_yaml(message.data))}
+            different = self._tuned.compare(message.data)
         except ParameterError as error:
             raise MessageError("scenario", str(error)) from error
-        self._different = {
-            leaf.name: _plain(leaf.value)
-            for leaf in leaves(self._start)
-            if leaf.name.startswith(("controller.", "plant.")) and leaf.value != plants.get(leaf.name)
-        }
-        if self.answered >= 0 and self._different:
-            self._publish_change(self._began_at, self._began_from)
-
-    def newest_step(self) -> int:
-        """The step answered last."""
-        return self.answered
+        if self.answered >= 0 and different:
+            self._publish_change()
 
     def health(self) -> Health:
         """The newest answer, its rate, and what is missing."""
@@ -196,176 +171,14 @@ class ControllerNode(ScenarioNode):
             "passed_over": self.passed_over,
             "reference": self._preview.covered(),
         }
-        if missing := self._missing():
+        if missing := self.missing():
             return Health(Level.WARN if self.answered >= 0 else Level.OK, missing, values)
         if self._status is Status.KEPT_PREVIOUS:
             return Health(Level.WARN, "the last decision was not finite: kept the control before", values)
         return Health(Level.OK, "answering", values)
 
-    def _create_publishers(self) -> None:
-        s, names = self.settings, self._plant.control_names
-        command_type = topics.COMMAND_TYPES[s.command_message]
-        unknown = set(s.command_components) - set(TWIST_COMPONENTS)
-        if s.command_message == "twist" and (len(s.command_components) != len(names) or unknown):
-            raise ParameterError(
-                f"command_components must name a component of the twist for each of {', '.join(names)}:"
-                f" {len(names)} of {', '.join(TWIST_COMPONENTS)}"
-            )
-        self._commands = self.advertise(topics.COMMAND.of_type(command_type))
-        self._telemetry = self.advertise(topics.TELEMETRY)
-        self._changes = self.advertise(topics.CHANGES)
-        self._clocks = self._publisher(topics.CLOCK) if s.publish_clock else None
-        self._command_message = command_type()
-        if s.command_message == "joint_state":
-            self._command_message.name = list(names)
-        self._command = np.zeros(len(names))
-
-    def _build(self, scenario: Any) -> Controller:
-        """The controller of a scenario; it has decided once, so that no run waits for the compiler."""
-        controller = build_controller(scenario, self._plant, self._reference, self.settings.delay_steps)
-        preview = self._reference.preview(0, controller.preview_steps + 1)
-        controller.decide(self._plant.initial_state(), preview)
-        controller.reset()
-        return controller
-
-    def _use(self, controller: Controller) -> None:
-        self._controller = controller
-        self._needs = controller.preview_steps + 1
-        self._telemetry_message = JointState(name=[*controller.telemetry_names, "solve_time", "status"])
-
-    def _begin(self, control: Vector | None) -> None:
-        """Let the controller begin, from an applied command or as at the start of a run."""
-        self._begins, self._began_from = True, control
-        self._applied = None
-        self._estimator.reset()
-        self._held = self._plant.initial_applied()
-        if control is None:
-            self._controller.reset()
-        else:
-            self._controller.resume(control)
-            self._held[: len(control)] = control
-
-    def _answer(self) -> None:
-        """Decide on the pending state, once its preview is complete."""
-        if self._pending is None:
-            return
-        k, state, stamp = self._pending
-        preview = self._preview.window(k, self._needs)
-        if preview is None or self._waits_for_applied(k):
-            return
-        self._pending = None
-        if self._begins and self.answered < 0 and k > 0 and self._applied is not None:
-            self.get_logger().info(f"begins at step {k} from the applied command")
-            self._begin(self._applied)
-        if self._coming is not None:
-            control = self._began_from if self._begins else self._command
-            self._use(self._coming)
-            self._coming = None
-            self._begin(control)
-        if self._begins:
-            self._begins, self._began_at = False, k
-            if k > 0 or self._different or self._changed or self.settings.delay_steps:
-                self._publish_change(k, self._began_from)
-        self._decide(k, state, preview, stamp)
-        if self._applieds is not None:
-            self.destroy_subscription(self._applieds)
-            self._applieds = None
-
-    def _decide(self, k: int, state: Vector, preview: Vector, stamp: Any) -> None:
-        for disturbance in self._disturbances:
-            state = disturbance.measurement(k, state)
-        estimate = self._estimator.update(state)
-        began_ns = time.perf_counter_ns()
-        decision = self._controller.decide(estimate, preview)
-        solve_time_s = (time.perf_counter_ns() - began_ns) * 1e-9
-        self._command = np.array(decision.control, dtype=np.float64)
-        self._publish_command(stamp)
-        self.passed_over += max(0, k - self.answered - 1) if self.answered >= 0 else 0
-        self.answered = k
-        self._status, self._slowest_s = decision.status, max(self._slowest_s, solve_time_s)
-        self._telemetry_message.header.stamp = stamp
-        values = np.append(decision.telemetry, (solve_time_s, float(decision.status)))
-        self._telemetry.publish(fill_named(self._telemetry_message, values))
-        if self._clocks is not None:
-            self._clocks.publish(Clock(clock=stamp))
-        self._held = self._plant.actuate(self._command, self._held)
-        self._estimator.predict(self._held)
-
-    def _publish_command(self, stamp: Any) -> None:
-        message, command = self._command_message, self._command
-        match self.settings.command_message:
-            case "joint_state":
-                message.header.stamp = stamp
-                fill_named(message, command)
-            case "float64_multi_array":
-                message.data = command.tolist()
-            case _:
-                fill_twist(message, self.settings.command_components, command)
-        self._commands.publish(message)
-
-    def _read_state(self, message: Any) -> Vector:
-        if self._plant.state_message == "odometry":
-            return read_odometry(message, (self.settings.world_frame, self.settings.body_frame))
-        return read_named(message, self._plant.state_names)
-
-    def _waits_for_applied(self, k: int) -> bool:
-        """True where this controller starts during a run and an applied command is published but not received yet."""
-        fresh = self._begins and self.answered < 0 and k > 0
-        topic = self.resolve_topic_name(topics.APPLIED_COMMAND.name)
-        return fresh and self._applied is None and self.count_publishers(topic) > 0
-
-    def _on_set_parameters(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        """Build the controller of the new values, which are in force from the next decision on."""
-        known = {leaf.name: _plain(leaf.value) for leaf in leaves(self.scenario)}
-        given = {p.name: _plain(p.value) for p in parameters if self.is_live(p.name)}
-        values = {name: value for name, value in given.items() if value != known.get(name)}
-        if not values:
-            return SetParametersResult(successful=True)
-        try:
-            scenario = override(self.scenario, values)
-            controller = self._build(scenario)
-        except ParameterError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        if controller.preview_steps + 1 > self._most_preview_steps():
-            reason = "the controller would look further ahead than the reference node publishes"
-            return SetParametersResult(successful=False, reason=reason)
-        self.scenario, self._coming = scenario, controller
-        self._changed |= values
-        return SetParametersResult(successful=True)
-
-    def _most_preview_steps(self) -> int:
-        """Steps that every decision finds in the previews, of which the next comes half of the rest later."""
-        started = preview_steps(self._start)
-        chunk_steps = (self._previewed - 1 - started) // 2
-        return max(self._needs, started + 1 + chunk_steps)
-
-    def _publish_change(self, k: int, control: Vector | None) -> None:
-        """Record the values that are not those of the recorded scenario, in force from step k on."""
-        values = {**self._different, **self._changed}
-        if self.settings.delay_steps:
-            values["delay_steps"] = self.settings.delay_steps
-        text = ", ".join(f"{name} = {value}" for name, value in values.items()) or "those of the start"
-        self.get_logger().info(f"parameters from step {k} on: {text}")
-        start = None if control is None else control.tolist()
-        self._changes.publish(String(data=change_text(self.KIND, k, values, start)))
-
-    def _subscribe_when_ready(self) -> None:
-        # An executor may call a timer once more that was destroyed.
-        if self._startup is None or self.is_new:
-            return
-        if self._previewed >= self._needs and not self.unmatched():
-            self._end_startup()
-            state = topics.STATE.of_type(topics.STATE_TYPES[self._plant.state_message])
-            self._states = self.subscribe(state, self.on_state, self._qos)
-            self.get_logger().info("ready")
-
-    def _end_startup(self) -> None:
-        if self._startup is not None:
-            self.destroy_timer(self._startup)
-            self._startup = None
-
-    def _missing(self) -> str:
-        """The inputs that are missing for an answer, in words; empty when none is."""
+    def missing(self) -> str:
+        """The inputs that are missing for an answer."""
         waiting = self._pending is not None or self.answered < 0
         if waiting and self._previewed < self._needs:
             return (
@@ -384,20 +197,110 @@ class ControllerNode(ScenarioNode):
             return f"no new state after step {self.answered} for {silent_s:.1f} s"
         return ""
 
-    def _log_what_is_missing(self) -> None:
-        if self.active and (missing := self._missing()):
-            self.get_logger().warning(missing)
+    def _build(self, scenario: Scenario) -> Controller:
+        """The controller of a scenario; it has decided once, so that no run waits for the compiler."""
+        controller = build_controller(scenario, self._plant, self._reference, self.settings.delay_steps)
+        preview = self._reference.preview(0, controller.preview_steps + 1)
+        controller.decide(self._plant.initial_state(), preview)
+        controller.reset()
+        return controller
+
+    def _use(self, controller: Controller) -> None:
+        self._decider.controller = controller
+        self._needs = controller.preview_steps + 1
+        self._out.name_telemetry(controller.telemetry_names)
+
+    def _begin(self, control: Vector | None) -> None:
+        """Let the controller begin, from an applied command or as at the start of a run."""
+        self._is_first, self._began_from = True, control
+        self._applied = None
+        self._decider.begin(control)
+        self._held = self._plant.initial_applied()
+        if control is not None:
+            self._held[: len(control)] = control
+
+    def _can_answer(self) -> bool:
+        return self._previewed >= self._needs and not self.unmatched() and not self.is_new
+
+    def _subscribe_to_state(self) -> None:
+        state = topics.STATE.of_type(topics.STATE_TYPES[self._plant.state_message])
+        self._states = self.subscribe(state, self.on_state, self._qos)
+        self.get_logger().info("ready")
+
+    def _answer(self) -> None:
+        """Decide on the pending state, once its preview is complete."""
+        if self._pending is None:
+            return
+        k, state, stamp = self._pending
+        preview = self._preview.window(k, self._needs)
+        if preview is None or self._waits_for_applied(k):
+            return
+        self._pending = None
+        if self._is_first and self.answered < 0 and k > 0 and self._applied is not None:
+            self.get_logger().info(f"begins at step {k} from the applied command")
+            self._begin(self._applied)
+        if self._coming is not None:
+            control = self._began_from if self._is_first else self._command
+            self._use(self._coming)
+            self._coming = None
+            self._begin(control)
+        if self._is_first:
+            self._is_first, self._began_at = False, k
+            if k > 0 or self._tuned.changes:
+                self._publish_change()
+        self._decide(k, state, preview, stamp)
+        if self._applieds is not None:
+            self.destroy_subscription(self._applieds)
+            self._applieds = None
+
+    def _decide(self, k: int, state: Vector, preview: Vector, stamp: Any) -> None:
+        decision = self._decider.decide(k, state, preview)
+        self._command = np.array(decision.control, dtype=np.float64)
+        self._out.publish_command(stamp, self._command)
+        self.passed_over += max(0, k - self.answered - 1) if self.answered >= 0 else 0
+        self.answered, self._status = k, decision.status
+        self._slowest_s = max(self._slowest_s, self._decider.solve_time_s)
+        self._out.publish_telemetry(stamp, decision, self._decider.solve_time_s)
+        self._held = self._plant.actuate(self._command, self._held)
+        self._decider.predict(self._held)
+
+    def _waits_for_applied(self, k: int) -> bool:
+        """True where this controller starts during a run and an applied command is published but not received yet."""
+        fresh = self._is_first and self.answered < 0 and k > 0
+        topic = self.resolve_topic_name(topics.APPLIED_COMMAND.name)
+        return fresh and self._applied is None and self.count_publishers(topic) > 0
+
+    def _on_set_parameters(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        """Build the controller of the new values, which are in force from the next decision on."""
+        values = self._tuned.news({p.name: p.value for p in parameters if self.is_live(p.name)})
+        if not values:
+            return SetParametersResult(successful=True)
+        try:
+            controller = self._build(self._tuned.with_values(values))
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        if controller.preview_steps + 1 > self._most_preview_steps():
+            reason = "the controller would look further ahead than the reference node publishes"
+            return SetParametersResult(successful=False, reason=reason)
+        self._tuned.change(values)
+        self._coming = controller
+        return SetParametersResult(successful=True)
+
+    def _most_preview_steps(self) -> int:
+        """Steps that every decision finds in the previews, of which the next comes half of the rest later."""
+        started = preview_steps(self.scenario)
+        chunk_steps = (self._previewed - 1 - started) // 2
+        return max(self._needs, started + 1 + chunk_steps)
+
+    def _publish_change(self) -> None:
+        """Record the values that are not those of the recorded scenario, and where the controller began from."""
+        values = self._tuned.changes
+        text = ", ".join(f"{name} = {value}" for name, value in values.items()) or "those of the start"
+        self.get_logger().info(f"parameters from step {self._began_at} on: {text}")
+        self._out.publish_change(self._began_at, values, self._began_from)
 
 
-def _plain(value: Any) -> Any:
-    """The value as YAML would have it."""
-    return value if isinstance(value, str) or not hasattr(value, "__len__") else list(value)
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node; returns the exit code."""
-    return run(topics.CONTROLLER, arguments)
-
+main = partial(run, topics.CONTROLLER)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -2,7 +2,8 @@
 """A ROS 2 lifecycle node: a transition is a method, and an error in it is one sentence."""
 
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -23,11 +24,25 @@ class RefusedError(ValueError):
     """The node cannot do this now; one sentence that says why and what to do."""
 
 
+# What ends a node in one sentence; any other error is one of the program.
+REFUSALS = (RefusedError, ParameterError, RecordingError)
+
+
+@contextmanager
+def destroyed_on_error(node: Node) -> Iterator[None]:
+    """Destroy a node whose constructor fails: it would stay in the graph, and its shared memory on the machine."""
+    try:
+        yield
+    except Exception:
+        node.destroy_node()
+        raise
+
+
 class ManagedNode(LifecycleNodeMixin, Node):
     """Subclasses say what `configure`, `activate`, `deactivate`, `cleanup` and `shutdown` do.
 
-    Where one raises `RefusedError`, `ParameterError` or `RecordingError` the node stays in its state and logs the
-    sentence. Any other error is one of the program: it is logged and finalizes the node.
+    Where one raises one of `REFUSALS` the node stays in its state and logs the sentence. Any other error is logged
+    and finalizes the node.
     """
 
     def __init__(self, name: str, namespace: str, context: Context | None) -> None:
@@ -66,10 +81,9 @@ class ManagedNode(LifecycleNodeMixin, Node):
         return self.create_timer(period_s, callback, clock=self._steady_clock)
 
     def start(self) -> None:
-        """Configure and activate; an error destroys the node and is raised."""
+        """Configure and activate; an error is raised."""
         for trigger in (self.trigger_configure, self.trigger_activate):
             if trigger() != TransitionCallbackReturn.SUCCESS:
-                self.destroy_node()
                 assert self._error is not None
                 raise self._error
 
@@ -108,7 +122,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
     def _carry_out(self, transition: str, action: Callable[[], None], active_then: bool) -> Any:
         try:
             action()
-        except (RefusedError, ParameterError, RecordingError) as error:
+        except REFUSALS as error:
             self._error = error
             self.last_transition = f"{transition} refused: {error}"
             self.get_logger().error(f"cannot {transition}: {error}")

@@ -3,34 +3,38 @@
 
 import time
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
+from rclpy.timer import Timer
 
 from skydiver_utc.messages import MessageError, Refusals, StepGrid
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Health, Level, ProcessUsage, diagnostic_message
-from skydiver_utc.nodes.lifecycle import ACTIVE, UNCONFIGURED, ManagedNode
+from skydiver_utc.nodes.lifecycle import ACTIVE, UNCONFIGURED, ManagedNode, destroyed_on_error
 from skydiver_utc.nodes.topics import NAMESPACE, Topic
-from skydiver_utc.parameters import ParameterError
 from skydiver_utc.parameters.nodes import resolve, scalars
 
 _DIAGNOSTICS_PERIOD_S = 1.0
+_STARTUP_POLL_S = 0.02
+_PATIENCE_S = 5.0
 _NEW_S = 10.0  # how long a node looks for another one of its kind; discovery takes up to 3 s
 
 
 class ScenarioNode(ManagedNode):
     """A node of a scenario; `overrides` adds to the parameters given on the command line.
 
-    `done`: its work is done. `refused`: a sentence on another node of its kind. `finished`: its process ends, because
-    it is done with `autostart`, shut down or refused. `look_s`: how long a plant looks for another plant before it
-    begins; `main` sets it.
+    A subclass makes what it needs in `build`. `done`: its work is done. `refused`: a sentence on another node of its
+    kind. `finished`: its process ends, because it is done with `autostart`, shut down or refused. `look_s`: how long
+    a plant looks for another plant before it begins; `main` sets it.
     """
 
     KIND: ClassVar[str]
@@ -43,33 +47,38 @@ class ScenarioNode(ManagedNode):
         look_s: float = 0.0,
     ) -> None:
         super().__init__(self.KIND, NAMESPACE, context)
-        try:
-            resolved = resolve(self.KIND, self._given_parameters() | dict(overrides or {}))
-        except ParameterError:
-            self.destroy_node()
-            raise
-        self.settings: Any = resolved.settings
-        self.scenario = resolved.scenario
-        self.grid = StepGrid(self.scenario.stamp_ns(0), self.scenario.dt_ns)
-        self.refusals = Refusals(self.get_logger().warning)
-        self.done = False
-        self.refused = ""
-        self.look_s = look_s
-        self._id, self._started_at = uuid.uuid4().hex, time.monotonic()
-        self._advertised: dict[Topic, Publisher] = {}
-        self._usage = ProcessUsage()
-        self._diagnostics = self._publisher(topics.DIAGNOSTICS)
-        self._heartbeats = (
-            None if self.MAIN is None else self.subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
-        )
-        self.every(_DIAGNOSTICS_PERIOD_S, self.publish_diagnostics)
-        for name, value in scalars(resolved.settings, self.scenario).items():
-            if value == []:  # rclpy has no type for it
-                continue
-            fixed = ParameterDescriptor(read_only=not self.is_live(name))
-            self.declare_parameter(name, value, fixed, ignore_override=True)
-        changes = ", ".join(f"{name} = {value}" for name, value in resolved.changes.items())
-        self.get_logger().info(f"scenario {self.scenario.name}" + (f" with {changes}" if changes else ""))
+        with destroyed_on_error(self):
+            resolved = resolve(self.KIND, given_parameters(self) | dict(overrides or {}))
+            self.settings: Any = resolved.settings
+            self.scenario = resolved.scenario
+            self.grid = StepGrid(self.scenario.stamp_ns(0), self.scenario.dt_ns)
+            self.refusals = Refusals(self.get_logger().warning)
+            self.done = False
+            self.refused = ""
+            self.look_s = look_s
+            self._id, self._started_at = uuid.uuid4().hex, time.monotonic()
+            self._advertised: dict[Topic, Publisher] = {}
+            self._begins: Timer | None = None
+            self._usage = ProcessUsage()
+            self._diagnostics = self.publisher(topics.DIAGNOSTICS)
+            self._heartbeats = (
+                None if self.MAIN is None else self.subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
+            )
+            self.every(_DIAGNOSTICS_PERIOD_S, self.publish_diagnostics)
+            self.every(_PATIENCE_S, self._log_what_is_missing)
+            for name, value in scalars(resolved.settings, self.scenario).items():
+                if value == []:  # rclpy has no type for it
+                    continue
+                fixed = ParameterDescriptor(read_only=not self.is_live(name))
+                self.declare_parameter(name, value, fixed, ignore_override=True)
+            changes = ", ".join(f"{name} = {value}" for name, value in resolved.changes.items())
+            self.get_logger().info(f"scenario {self.scenario.name}" + (f" with {changes}" if changes else ""))
+            self.build()
+            if self.settings.autostart:
+                self.start()
+
+    def build(self) -> None:
+        """The end of the constructor: the parts, publishers and subscriptions of this node."""
 
     def is_live(self, name: str) -> bool:
         """True for a parameter that can be set while the node runs."""
@@ -83,14 +92,26 @@ class ScenarioNode(ManagedNode):
                 return SetParametersResult(successful=False, reason=reason)
         return super().set_parameters_atomically(parameter_list)
 
-    def log_building(self) -> None:
-        """Tell once why nothing may happen for a while."""
-        self.get_logger().info("building")
+    def begin_when(self, ready: Callable[[], bool], begin: Callable[[], None]) -> None:
+        """Call `begin` once, as soon as `ready` and unless `end_startup` comes before."""
 
-    def start_unless_managed(self) -> None:
-        """The end of a subclass's constructor: become active at once where nobody else sees to that."""
-        if self.settings.autostart:
-            self.start()
+        def look() -> None:
+            # An executor may call a timer once more that was destroyed.
+            if self._begins is timer and ready():
+                self.end_startup()
+                begin()
+
+        self._begins = timer = self.every(_STARTUP_POLL_S, look)
+
+    def end_startup(self) -> None:
+        """Begin no more."""
+        if self._begins is not None:
+            self.destroy_timer(self._begins)
+            self._begins = None
+
+    def missing(self) -> str:
+        """What this node waits for, in a sentence that is logged every few seconds; empty when for nothing."""
+        return ""
 
     @property
     def finished(self) -> bool:
@@ -140,9 +161,13 @@ class ScenarioNode(ManagedNode):
         self.grid.set_stamp(message.header.stamp, max(0, k))
         self._diagnostics.publish(message)
 
+    def publisher(self, topic: Topic) -> Publisher:
+        """A publisher as the table of topics says."""
+        return self.create_publisher(topic.type, topic.name, topic.qos)
+
     def advertise(self, topic: Topic) -> Publisher:
-        """A publisher as the table of topics says: its subscribers are waited for (`unmatched`)."""
-        self._advertised[topic] = self._publisher(topic)
+        """The same; its subscribers are waited for (`unmatched`)."""
+        self._advertised[topic] = self.publisher(topic)
         return self._advertised[topic]
 
     def subscribe(
@@ -173,9 +198,6 @@ class ScenarioNode(ManagedNode):
     @property
     def _full_name(self) -> str:
         return f"{self.get_namespace().strip('/')}/{self.get_name()}"
-
-    def _publisher(self, topic: Topic) -> Publisher:
-        return self.create_publisher(topic.type, topic.name, topic.qos)
 
     @property
     def _age_s(self) -> float:
@@ -215,8 +237,24 @@ class ScenarioNode(ManagedNode):
             self.destroy_subscription(self._heartbeats)
             self._heartbeats = None
 
-    def _given_parameters(self) -> dict[str, Any]:
-        """Parameters from the command line and its files, also those that nobody declares."""
-        with self.handle:
-            given = self.handle.get_parameters(Parameter)
-        return {name: parameter.value for name, parameter in given.items()}
+    def _log_what_is_missing(self) -> None:
+        if self.active and not self.done and (sentence := self.missing()):
+            self.get_logger().warning(sentence)
+
+
+def given_parameters(node: Node) -> dict[str, Any]:
+    """Parameters from the command line and its files, also those that nobody declares."""
+    with node.handle:
+        given = node.handle.get_parameters(Parameter)
+    return {name: parameter.value for name, parameter in given.items()}
+
+
+def wait_for_subscribers(node: Node, publishers: Iterable[Publisher], longest_s: float) -> None:
+    """Wait until the subscribers have acknowledged everything; log where one does not."""
+    deadline = time.monotonic() + longest_s
+    for publisher in publishers:
+        left_s = max(0.0, deadline - time.monotonic())
+        if not publisher.wait_for_all_acked(Duration(seconds=left_s)):
+            node.get_logger().warning(
+                f"a subscriber of {publisher.topic_name} did not acknowledge everything"
+            )

@@ -6,33 +6,31 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
-from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from skydiver_utc.nodes.lifecycle import RefusedError
+from skydiver_utc.nodes.lifecycle import RefusedError, destroyed_on_error
+from skydiver_utc.nodes.node import given_parameters, wait_for_subscribers
 from skydiver_utc.nodes.process import run
 from skydiver_utc.nodes.topics import EACH_STEP
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.parameters.nanoseconds import NANOSECONDS
 from skydiver_utc.parameters.nodes import PlayerNodeSettings, resolve_player
 from skydiver_utc.recording.metadata import parse_qos_profiles
-from skydiver_utc.recording.namespace import namespace_of
-from skydiver_utc.recording.playback import Item, Playback, in_order
+from skydiver_utc.recording.playback import CLOCK_TYPE, Item, Playback, chosen, in_order
 from skydiver_utc.recording.reader import RecordedTopic, read_bag
 from skydiver_utc.recording.schemas import message_schema
 
 _CLOCK = "/clock"
-_CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
 _TICK_S = 0.002
 _BATCH = 200  # messages in one tick, so that a signal is answered while it catches up
 _SHORTEST_DISCOVERY_S, _LONGEST_DISCOVERY_S = 1.0, 10.0
@@ -53,20 +51,17 @@ class PlayerNode(Node):
         look_s: float = 0.0,
     ) -> None:
         super().__init__("player", context=context)
-        try:
-            self._open(resolve_player(self._given_parameters() | dict(overrides or {})), look_s)
-        except Exception:
-            self.destroy_node()
-            raise
+        with destroyed_on_error(self):
+            self._open(resolve_player(given_parameters(self) | dict(overrides or {})), look_s)
 
     def _open(self, settings: PlayerNodeSettings, look_s: float) -> None:
-        self.finished = False
+        self.finished, self.refused = False, ""
         folder = Path(settings.run)
-        topics = _chosen(read_bag(folder), settings.topics)
+        topics = chosen(read_bag(folder), settings.topics)
         self.items = in_order(topics)
         times = np.array([item.log_time_ns for item in self.items])
         self._playback = Playback(times, settings.rate, settings.start_s, settings.loop)
-        clocks = [name for name, topic in topics.items() if topic.type_name == _CLOCK_TYPE] or [_CLOCK]
+        clocks = [name for name, topic in topics.items() if topic.type_name == CLOCK_TYPE] or [_CLOCK]
         self._refuse_other_clock(clocks, look_s)
         self._publishers_by_topic = {
             name: self.create_publisher(_message_class(topic), name, _quality(topic))
@@ -84,11 +79,7 @@ class PlayerNode(Node):
 
     def close(self) -> int:
         """Wait until the subscribers have acknowledged everything; returns the exit code."""
-        deadline = time.monotonic() + _ACKNOWLEDGEMENT_S
-        for name, publisher in self._publishers_by_topic.items():
-            left_s = max(0.0, deadline - time.monotonic())
-            if not publisher.wait_for_all_acked(Duration(seconds=left_s)):
-                self.get_logger().warning(f"a subscriber of {name} did not acknowledge everything")
+        wait_for_subscribers(self, self._publishers_by_topic.values(), _ACKNOWLEDGEMENT_S)
         for name, count in self.not_sent.items():
             self.get_logger().warning(
                 f"{count} messages of {name} were not sent: their bytes are not of its type"
@@ -144,23 +135,6 @@ class PlayerNode(Node):
             f"{taken[0]} has a publisher already, a run or another replay: end it, or set another ROS_DOMAIN_ID"
         )
 
-    def _given_parameters(self) -> dict[str, object]:
-        with self.handle:
-            given = self.handle.get_parameters(Parameter)
-        return {name: parameter.value for name, parameter in given.items()}
-
-
-def _chosen(recorded: Mapping[str, RecordedTopic], names: Sequence[str]) -> dict[str, RecordedTopic]:
-    """The topics with these names, all without names; clocks always."""
-    relative = [name for name in names if not name.startswith("/")]
-    namespace = namespace_of(recorded) if relative else ""
-    wanted = {f"{namespace}/{name}" if name in relative else name for name in names} or set(recorded)
-    for name in sorted(wanted - recorded.keys()):
-        raise ParameterError(f"the recording has no topic {name}: choose from {', '.join(sorted(recorded))}")
-    return {
-        name: topic for name, topic in recorded.items() if name in wanted or topic.type_name == _CLOCK_TYPE
-    }
-
 
 def _message_class(topic: RecordedTopic) -> Any:
     """The installed class of the recorded type, if its definition is the same."""
@@ -191,10 +165,7 @@ def _quality(topic: RecordedTopic) -> QoSProfile:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node; returns the exit code."""
-    return run("player", arguments)
-
+main = partial(run, "player")
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -16,16 +16,8 @@ from types import FrameType
 from skydiver_utc.nodes import discovery
 from skydiver_utc.nodes.usage import usage
 from skydiver_utc.parameters.errors import ParameterError
-from skydiver_utc.recording.errors import RecordingError
 
 REFUSED = 2  # the exit code of a node that cannot take part
-_NODES = {
-    "plant": "plant_node:PlantNode",
-    "reference": "reference_node:ReferenceNode",
-    "controller": "controller_node:ControllerNode",
-    "recorder": "recorder_node:RecorderNode",
-    "player": "player_node:PlayerNode",
-}
 _LOOK_S = 1.5  # discovery takes this long, on a busy machine longer
 _WAIT_S = 0.05
 _LONGEST_END_S = 5
@@ -81,7 +73,7 @@ def _run(kind: str, arguments: list[str]) -> int:
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import remove_ros_args
 
-    from skydiver_utc.nodes.lifecycle import RefusedError
+    from skydiver_utc.nodes.lifecycle import REFUSALS
 
     stop = StopRequest()
     try:
@@ -95,13 +87,12 @@ def _run(kind: str, arguments: list[str]) -> int:
     executor = EventsExecutor()
     node = None
     try:
-        module, _, name = _NODES[kind].partition(":")
-        made_of = importlib.import_module(f"skydiver_utc.nodes.{module}")
+        module = importlib.import_module(f"skydiver_utc.nodes.{kind}_node")
         if "numba" in sys.modules:  # else the node compiles nothing
             from skydiver_utc.jit import on_first_compilation
 
             on_first_compilation(rclpy.logging.get_logger(kind).info)
-        node = getattr(made_of, name)(look_s=_LOOK_S)
+        node = getattr(module, f"{kind.capitalize()}Node")(look_s=_LOOK_S)
         stop.deferred = True
         # Objects made so far are permanent: collecting them during the run would take longer than a step.
         gc.collect()
@@ -111,11 +102,11 @@ def _run(kind: str, arguments: list[str]) -> int:
             while not (node.finished or stop.requested):
                 executor.spin_once(timeout_sec=_WAIT_S)  # spin() would not end on SIGTERM
         code = int(node.close())
-        if sentence := getattr(node, "refused", ""):
-            code = _refuse(kind, sentence)
+        if node.refused:
+            code = _refuse(kind, node.refused)
     except KeyboardInterrupt:
         code = 0
-    except (RefusedError, ParameterError, RecordingError) as error:
+    except REFUSALS as error:
         code = _refuse(kind, str(error))
     _exit_within(_LONGEST_END_S, code)
     executor.shutdown()

@@ -4,11 +4,9 @@
 import json
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
-import yaml
-from rclpy.context import Context
 from std_msgs.msg import String
 
 from skydiver_utc.messages import MessageError
@@ -16,22 +14,21 @@ from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.nodes.process import run
-from skydiver_utc.nodes.raw_subscription import RawMessage
-from skydiver_utc.nodes.recorder_inputs import RecorderInput
+from skydiver_utc.nodes.recorder_inputs import RawMessage, RecorderInput
 from skydiver_utc.nodes.run_monitor import RunMonitor
-from skydiver_utc.nodes.topics import RECORDED, rosbag2_qos
+from skydiver_utc.nodes.topics import RECORDED
 from skydiver_utc.nodes.versions import versions
 from skydiver_utc.parameters import to_yaml
 from skydiver_utc.parameters.exit_codes import FAILED
 from skydiver_utc.parameters.run_folder import SCENARIO_FILE, VERSIONS_FILE, new_run_folder
 from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.metadata import offered_qos
 from skydiver_utc.recording.schemas import message_schema
 from skydiver_utc.recording.writer import BagWriter
 
 _POLL_S = 0.02
 _FLUSH_INTERVAL_S = 0.25  # a killed recorder loses this, the poll and the write: less than half a second
 _CHECK_S = 1.0  # of the publishers' types
-_WARNING_S = 5.0
 _QUIET_S = 0.1
 _OUTCOME_S = 1.0  # longest wait for the outcome when the recorder is stopped together with the plant
 _RETRANSMISSION_S = 10.0  # longest wait for lost messages: DDS offers them again every three seconds
@@ -54,13 +51,8 @@ class RecorderNode(ScenarioNode):
 
     KIND = topics.RECORDER
 
-    def __init__(
-        self,
-        context: Context | None = None,
-        overrides: Mapping[str, object] | None = None,
-        look_s: float = 0.0,
-    ) -> None:
-        super().__init__(context, overrides, look_s)
+    def build(self) -> None:
+        """Without a bag until it is configured."""
         self.folder = Path()
         self.failure = ""
         self.not_recorded = 0
@@ -73,8 +65,6 @@ class RecorderNode(ScenarioNode):
         self._disk_is_slow = False
         self.every(_POLL_S, self._poll)
         self.every(_CHECK_S, self._check_types)
-        self.every(_WARNING_S, self._warn_of_missing_publishers)
-        self.start_unless_managed()
 
     def configure(self) -> None:
         """Open a new bag, subscribe to every topic."""
@@ -140,7 +130,12 @@ class RecorderNode(ScenarioNode):
         self._end_recording()
         return super().close() or (FAILED if self.failure else 0)
 
-    def missing(self) -> list[str]:
+    def missing(self) -> str:
+        """The needed topics that nobody publishes."""
+        names = [] if self._announced else self._without_publisher()
+        return f"waiting for publishers of {', '.join(names)}" if names else ""
+
+    def not_in_bag(self) -> list[str]:
         """A sentence for each topic of which the bag lacks messages of a run that has ended."""
         if not self._run.ended:
             return []
@@ -236,7 +231,7 @@ class RecorderNode(ScenarioNode):
         while True:
             time.sleep(_QUIET_S)
             quiet = self.drain() == 0
-            complete = self.failure or (not self._run.running and not self.missing())
+            complete = self.failure or (not self._run.running and not self.not_in_bag())
             longest_s = _OUTCOME_S if self._run.running else _RETRANSMISSION_S
             if (quiet and complete) or time.monotonic() - began > longest_s:
                 return
@@ -251,7 +246,7 @@ class RecorderNode(ScenarioNode):
             bag.close()
         except RecordingError as error:
             self._fail(error)
-        for sentence in self.missing():
+        for sentence in self.not_in_bag():
             self.get_logger().warning(sentence)
         if self.not_recorded:
             self._log_not_recorded()
@@ -289,12 +284,13 @@ class RecorderNode(ScenarioNode):
         self._disk_is_slow = slow or (self._disk_is_slow and bag.behind_s > 0.0)
 
     def _add_to_bag(self, of: RecorderInput) -> None:
-        if of.subscription is None or self._bag is None or self.failure:
+        if not of.subscribed or self._bag is None or self.failure:
             return
         schema = message_schema(of.topic.type_name)
-        offered = yaml.safe_dump([rosbag2_qos(of.topic.qos)], sort_keys=False)
+        qos = of.topic.qos
+        offered = offered_qos(qos.depth, qos.reliability.name, qos.durability.name)
         try:
-            of.channel_id = self._bag.add_topic(of.subscription.topic_name, *schema, offered)
+            of.channel_id = self._bag.add_topic(of.name, *schema, offered)
         except RecordingError as error:
             self._fail(error)
 
@@ -307,10 +303,6 @@ class RecorderNode(ScenarioNode):
             for sentence in each.wrong_types():
                 self.get_logger().error(sentence)
 
-    def _warn_of_missing_publishers(self) -> None:
-        if self.active and not self._announced and (names := self._without_publisher()):
-            self.get_logger().warning(f"waiting for publishers of {', '.join(names)}")
-
     def _write_beside_bag(self, name: str, text: str) -> None:
         try:
             (self.folder / name).write_text(text, encoding="utf-8")
@@ -320,10 +312,7 @@ class RecorderNode(ScenarioNode):
             ) from error
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node; returns the exit code."""
-    return run(topics.RECORDER, arguments)
-
+main = partial(run, topics.RECORDER)
 
 if __name__ == "__main__":
     sys.exit(main())

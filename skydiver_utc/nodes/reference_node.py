@@ -3,11 +3,9 @@
 
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
-from rclpy.context import Context
-from rclpy.timer import Timer
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -19,7 +17,6 @@ from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.nodes.process import run
 from skydiver_utc.parameters.nanoseconds import stamp_ns
 
-_STARTUP_POLL_S = 0.02
 _PATIENCE_S = 5.0
 
 
@@ -34,18 +31,12 @@ class ReferenceNode(ScenarioNode):
     KIND = topics.REFERENCE
     MAIN = topics.REFERENCE_PREVIEW
 
-    def __init__(
-        self,
-        context: Context | None = None,
-        overrides: Mapping[str, object] | None = None,
-        look_s: float = 0.0,
-    ) -> None:
-        super().__init__(context, overrides, look_s)
+    def build(self) -> None:
+        """Build the reference."""
         self._reference = build_reference(self.scenario)
         self._chunk_steps: int = self.settings.chunk_steps
         self._count = preview_steps(self.scenario) + 2 * self._chunk_steps + 1
         self._k, self._chunk, self._received_at = -1, -1, time.monotonic()
-        self._startup: Timer | None = None
         names = list(self._reference.outputs)
         points = [JointTrajectoryPoint() for _ in range(self._count)]
         self._preview = JointTrajectory(joint_names=names, points=points)
@@ -63,7 +54,6 @@ class ReferenceNode(ScenarioNode):
             self._scenarios = self.subscribe(topics.SCENARIO, self.on_scenario)
         if hasattr(self._reference, "receive"):
             self.subscribe(topics.STICK, self.on_stick)
-        self.start_unless_managed()
 
     def configure(self) -> None:
         """From step 0 on."""
@@ -71,11 +61,11 @@ class ReferenceNode(ScenarioNode):
 
     def activate(self) -> None:
         """Publish a first chunk, from which the controller can begin, as soon as the plant's clock is received."""
-        self._startup = self.every(_STARTUP_POLL_S, self._begin_when_matched)
+        self.begin_when(self._is_matched, self._begin)
 
     def deactivate(self) -> None:
         """Publish nothing."""
-        self._end_startup()
+        self.end_startup()
 
     def on_clock(self, message: Any) -> None:
         """Publish what is due at a step of simulated time."""
@@ -112,25 +102,19 @@ class ReferenceNode(ScenarioNode):
             return Health(Level.WARN, f"no clock after step {self._k} for {silent_s:.1f} s", values)
         return Health(Level.OK, "following the clock", values)
 
-    def _begin_when_matched(self) -> None:
-        if self._startup is None or self.unmatched() or not self._clock_is_matched():
-            return
-        self._end_startup()
-        if self._k >= 0 or self.grid.exact:
-            self._publish_chunk(max(0, self._k) // self._chunk_steps * self._chunk_steps)
-        self.get_logger().info("ready")
-
-    def _clock_is_matched(self) -> bool:
+    def _is_matched(self) -> bool:
         """True when no message of the clock will be missed; a plant of one's own may publish no scenario."""
+        if self.unmatched():
+            return False
         if not self.grid.exact:
             return True
         scenario = self._scenario_received or self._scenarios.get_publisher_count() == 0
         return self._clocks.get_publisher_count() > 0 and scenario
 
-    def _end_startup(self) -> None:
-        if self._startup is not None:
-            self.destroy_timer(self._startup)
-            self._startup = None
+    def _begin(self) -> None:
+        if self._k >= 0 or self.grid.exact:
+            self._publish_chunk(max(0, self._k) // self._chunk_steps * self._chunk_steps)
+        self.get_logger().info("ready")
 
     def _on_step(self, k: int) -> None:
         """Publish the values of this step, and the chunk when it is due.
@@ -152,10 +136,7 @@ class ReferenceNode(ScenarioNode):
         self._previews.publish(fill_preview(self._preview, self.grid, k0, values))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node; returns the exit code."""
-    return run(topics.REFERENCE, arguments)
-
+main = partial(run, topics.REFERENCE)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -21,9 +21,6 @@ CONTROLLER = "controller"
 RECORDER = "recorder"
 EVERY_NODE = "every node"
 
-# rmw's "infinite", as rosbag2 writes it.
-_FOREVER = {"sec": 9223372036, "nsec": 854775807}
-
 
 def _quality(depth: int, durability: QoSDurabilityPolicy) -> QoSProfile:
     return QoSProfile(
@@ -109,18 +106,3 @@ RECORDED = tuple(topic for topic in TOPICS if topic.recorded)
 
 STATE_TYPES = {"odometry": Odometry, "joint_state": JointState}  # by `Plant.state_message`
 COMMAND_TYPES = {"joint_state": JointState, "float64_multi_array": Float64MultiArray, "twist": Twist}
-
-
-def rosbag2_qos(qos: QoSProfile) -> dict[str, object]:
-    """An offered profile in the words of a rosbag2 (version 9) `metadata.yaml`."""
-    return {
-        "history": "keep_last",
-        "depth": qos.depth,
-        "reliability": qos.reliability.name.lower(),
-        "durability": qos.durability.name.lower(),
-        "deadline": dict(_FOREVER),
-        "lifespan": dict(_FOREVER),
-        "liveliness": "automatic",
-        "liveliness_lease_duration": dict(_FOREVER),
-        "avoid_ros_namespace_conventions": False,
-    }

@@ -12,8 +12,6 @@ from skydiver_utc.parameters.leaves import leaves
 from skydiver_utc.parameters.loading import load_scenario
 from skydiver_utc.parameters.scenario import Scenario
 
-Mode = Literal["lockstep", "real_time"]
-
 # Names that rclpy declares or reads itself.
 _OF_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides")
 
@@ -29,13 +27,26 @@ class NodeSettings(Parameters):
     ] = True
 
 
-class PlantNodeSettings(NodeSettings):
+class _PartnerSettings(NodeSettings):
+    """What plant, reference and controller have."""
+
+    mode: Annotated[
+        Literal["lockstep", "real_time", "vehicle"],
+        text(
+            "lockstep: a step waits for its command; real_time: it is due by the clock, the newest state is answered;"
+            " vehicle (reference and controller): the time is that of a real vehicle's states"
+        ),
+    ] = "lockstep"
+    wait_for_recorder: Annotated[bool, text("begin only when all topics are recorded")] = False
+
+
+class PlantNodeSettings(_PartnerSettings):
     """The plant: publishes its state, steps on the command that answers it."""
 
     mode: Annotated[
-        Mode, text("lockstep: a step waits for its command; real_time: it is due by the clock")
+        Literal["lockstep", "real_time"],
+        text("lockstep: a step waits for its command; real_time: it is due by the clock"),
     ] = "lockstep"
-    wait_for_recorder: Annotated[bool, text("begin only when the recorder is ready")] = False
     startup_timeout_s: Annotated[
         float, quantity("s", "longest wait for the other nodes, which may compile first", ge=0)
     ] = 600.0
@@ -54,29 +65,17 @@ class PlantNodeSettings(NodeSettings):
     progress: Annotated[bool, text("print JSON lines on the run's progress to stdout")] = False
 
 
-class ReferenceNodeSettings(NodeSettings):
+class ReferenceNodeSettings(_PartnerSettings):
     """The reference: publishes previews of the reference of the plant's outputs."""
 
-    mode: Annotated[
-        Literal["lockstep", "real_time", "vehicle"],
-        text("vehicle: the time is that of a real vehicle's states; else that of the clock"),
-    ] = "lockstep"
-    wait_for_recorder: Annotated[bool, text("begin only when all topics are recorded")] = False
     chunk_steps: Annotated[
         int, quantity("1", "steps from one preview message to the next", ge=1, le=10000)
     ] = 80
 
 
-class ControllerNodeSettings(NodeSettings):
+class ControllerNodeSettings(_PartnerSettings):
     """The controller: answers each state with a command."""
 
-    mode: Annotated[
-        Literal["lockstep", "real_time", "vehicle"],
-        text(
-            "lockstep: every state is answered; real_time: the newest; vehicle: the newest, with its own stamps"
-        ),
-    ] = "lockstep"
-    wait_for_recorder: Annotated[bool, text("begin only when all topics are recorded")] = False
     delay_steps: Annotated[
         int, quantity("1", "steps by which the state is predicted ahead before deciding", ge=0, le=1000)
     ] = 0
@@ -131,24 +130,19 @@ def resolve(kind: str, given: Mapping[str, object]) -> Resolved:
     model = SETTINGS[kind]
     assert issubclass(model, NodeSettings)
     given = _not_of_rclpy(given)
-    own = {name: value for name, value in given.items() if name in model.model_fields}
-    settings = checked(model, _rows_as_tuples(own))
-    changes = {name: value for name, value in given.items() if name not in own}
+    settings = checked(model, {name: value for name, value in given.items() if name in model.model_fields})
+    changes = {name: value for name, value in given.items() if name not in model.model_fields}
     _refuse_unknown(changes, model)
     return Resolved(settings, load_scenario(settings.scenario, changes), changes)
 
 
 def resolve_player(given: Mapping[str, object]) -> PlayerNodeSettings:
     """Settings of a player, which has no scenario; raises `ParameterError`."""
-    return checked(PlayerNodeSettings, _rows_as_tuples(_not_of_rclpy(given)))
+    return checked(PlayerNodeSettings, _not_of_rclpy(given))
 
 
 def _not_of_rclpy(given: Mapping[str, object]) -> dict[str, object]:
     return {name: value for name, value in given.items() if name.partition(".")[0] not in _OF_RCLPY}
-
-
-def _rows_as_tuples(values: Mapping[str, object]) -> dict[str, object]:
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
 
 
 def scalars(settings: NodeSettings, scenario: Scenario) -> dict[str, object]:

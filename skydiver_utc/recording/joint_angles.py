@@ -45,7 +45,7 @@ def _from_bag(path: Path, known: Sequence[str]) -> JointAngles:
     for message in read_bag(path, [topic])[topic].messages:
         if tuple(message.name) != tuple(known) or len(message.position) != len(known):
             raise RecordingError(
-                f"{topic} in {path} does not hold the {len(known)} joint angles of this version: record the flight"
+                f"{topic} in {path} does not hold the {len(known)} joint angles of this version: record the run"
                 " again"
             )
         by_stamp.setdefault(stamp_ns(message.header.stamp), message.position)

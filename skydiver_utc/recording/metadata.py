@@ -15,6 +15,7 @@ from skydiver_utc.recording.mcap_file import StoredTopic
 METADATA_FILE = "metadata.yaml"
 _VERSION = 9
 _NO_MESSAGE_YET_NS = 2**63 - 1  # rosbag2's starting time of an empty bag
+_FOREVER = {"sec": 9223372036, "nsec": 854775807}  # "infinite" in rmw
 
 
 class _PlainDumper(yaml.SafeDumper):
@@ -33,6 +34,22 @@ def parse_qos_profiles(text: str) -> list[dict[str, Any]]:
     if not isinstance(profiles, list) or not all(isinstance(profile, dict) for profile in profiles):
         raise RecordingError("The QoS profiles are no list of mappings: give one mapping for each profile.")
     return profiles
+
+
+def offered_qos(depth: int, reliability: str, durability: str) -> str:
+    """The text of one offered QoS profile, as rosbag2 writes it; rclpy's names of the policies."""
+    profile = {
+        "history": "keep_last",
+        "depth": depth,
+        "reliability": reliability.lower(),
+        "durability": durability.lower(),
+        "deadline": _FOREVER,
+        "lifespan": _FOREVER,
+        "liveliness": "automatic",
+        "liveliness_lease_duration": _FOREVER,
+        "avoid_ros_namespace_conventions": False,
+    }
+    return yaml.dump([profile], Dumper=_PlainDumper, sort_keys=False)
 
 
 def metadata_yaml(mcap_name: str, topics: Sequence[StoredTopic], log_span_ns: tuple[int, int] | None) -> str:

@@ -2,7 +2,7 @@
 """The order and the times at which a replay sends recorded messages; no clock and no ROS."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 
 from skydiver_utc.parameters.nanoseconds import NANOSECONDS
 from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.reader import RecordedTopic
+
+CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
 
 
 class Item(NamedTuple):
@@ -31,6 +34,18 @@ def in_order(topics: Mapping[str, RecordedTopic]) -> list[Item]:
         )
     ]
     return [item for _, _, item in sorted(items, key=lambda one: one[:2])]
+
+
+def chosen(recorded: Mapping[str, RecordedTopic], names: Sequence[str]) -> dict[str, RecordedTopic]:
+    """The topics with these names, all without names; clocks always. An unknown name raises `RecordingError`."""
+    relative = [name for name in names if not name.startswith("/")]
+    namespace = namespace_of(recorded) if relative else ""
+    wanted = {f"{namespace}/{name}" if name in relative else name for name in names} or set(recorded)
+    for name in sorted(wanted - recorded.keys()):
+        raise RecordingError(f"the recording has no topic {name}: choose from {', '.join(sorted(recorded))}")
+    return {
+        name: topic for name, topic in recorded.items() if name in wanted or topic.type_name == CLOCK_TYPE
+    }
 
 
 class Playback:

@@ -90,7 +90,7 @@ def read_bag(path: Path | str, topics: Iterable[str] | None = None) -> dict[str,
     for file in bag_files(path):
         contents.add(file)
     if contents.message_count == 0:
-        raise RecordingError(f"{path} holds no messages: record the flight again.")
+        raise RecordingError(f"{path} holds no messages: record the run again.")
     recorded = contents.topics()
     for missing in sorted((contents.wanted or set()) - recorded.keys()):
         available = ", ".join(sorted(contents.topic_names))
@@ -107,7 +107,7 @@ def bag_files(path: Path) -> list[Path]:
         raise RecordingError(f"{path} is not a bag, it has no .mcap file: give the folder of a recording.")
     for file in files:
         if not file.is_file():
-            raise RecordingError(f"{file} is missing from the bag: copy it back, or record the flight again.")
+            raise RecordingError(f"{file} is missing from the bag: copy it back, or record the run again.")
     return files
 
 

@@ -90,7 +90,7 @@ def recover(path: Path, folder: Path) -> Survey:
     """
     found = survey(path)
     if found.message_count == 0:
-        raise RecordingError(f"{path} holds no message that can be read: record the flight again.")
+        raise RecordingError(f"{path} holds no message that can be read: record the run again.")
     with BagWriter(folder) as bag:
         channels: dict[str, int] = {}
         for file in bag_files(path):

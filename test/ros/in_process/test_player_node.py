@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from own_slots import cart_file
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
@@ -23,9 +22,10 @@ from skydiver_utc.nodes.plant_node import PlantNode
 from skydiver_utc.nodes.player_node import PlayerNode
 from skydiver_utc.nodes.recorder_node import RecorderNode
 from skydiver_utc.nodes.reference_node import ReferenceNode
-from skydiver_utc.nodes.topics import RECORDED, STATE_TYPES, Topic, rosbag2_qos
+from skydiver_utc.nodes.topics import RECORDED, STATE_TYPES, Topic
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.metadata import offered_qos
 from skydiver_utc.recording.reader import read_bag
 from skydiver_utc.recording.schemas import message_schema
 from skydiver_utc.recording.writer import BagWriter
@@ -174,7 +174,8 @@ def test_bytes_that_are_no_message_are_played_or_counted(ros: Ros, tmp_path: Pat
     with BagWriter(run) as bag:
         for number, topic in enumerate(OF_CART):
             name = topic.name if topic.name.startswith("/") else f"/skydiver/{topic.name}"
-            offered = yaml.safe_dump([rosbag2_qos(topic.qos)])
+            qos = topic.qos
+            offered = offered_qos(qos.depth, qos.reliability.name, qos.durability.name)
             channel = bag.add_topic(name, *message_schema(topic.type_name), offered)
             for k, data in enumerate(
                 (b"", bytes(serialize_message(topic.type())), b"\0\1\0\0" + b"\xff" * 1000)

@@ -14,11 +14,11 @@ from own_slots import cart_file
 from ros_fixtures import Ros
 
 from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.loop.real_time import CommandAccount, Neutral, RealTimePace
 from skydiver_utc.messages import read_outcome
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.controller_node import ControllerNode
 from skydiver_utc.nodes.plant_node import PlantNode
-from skydiver_utc.nodes.real_time import CommandAccount, Neutral, RealTimePace
 from skydiver_utc.nodes.reference_node import ReferenceNode
 
 pytest_plugins = ("ros_fixtures",)

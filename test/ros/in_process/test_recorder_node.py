@@ -180,9 +180,9 @@ def test_it_waits_at_the_end_for_messages_that_are_retransmitted(stage: Stage) -
         stage.state(k)
     stage.outcome(3)
     stage.ros.spin_until(lambda: stage.node.finished)
-    assert any(" 2 of 3 " in line and "state" in line for line in stage.node.missing())
+    assert any(" 2 of 3 " in line and "state" in line for line in stage.node.not_in_bag())
     stage.state(1)
-    stage.ros.spin_until(lambda: not any("of state" in line for line in stage.node.missing()))
+    stage.ros.spin_until(lambda: not any("of state" in line for line in stage.node.not_in_bag()))
 
 
 def test_a_recorder_that_comes_late_misses_nothing_of_what_it_received(stage: Stage) -> None:
@@ -191,7 +191,7 @@ def test_a_recorder_that_comes_late_misses_nothing_of_what_it_received(stage: St
         stage.state(k)
     stage.outcome(8)
     stage.ros.spin_until(lambda: stage.node.finished)
-    assert not any("of state" in line for line in stage.node.missing())
+    assert not any("of state" in line for line in stage.node.not_in_bag())
 
 
 def test_the_folder_holds_a_bag_with_its_scenario_and_versions(stage: Stage) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plant's steps in real time: which command is in force at each step, and an account of all. No rclpy here.
+"""The plant's steps in real time: which command is in force at each step, and an account of all.
 
 Step k is due at t_0 + k dt of the steady clock, whatever commands come. At t_k the plant takes the newest command
 that it has. The best that can be there answers state k-1: the step is on time. Otherwise the command of an older
@@ -17,6 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from skydiver_utc.loop.outcome import Outcome
 
 Vector = NDArray[np.float64]
 
@@ -162,3 +164,14 @@ class RealTimePace:
             f"{a.steps - a.on_time} of {a.steps} steps held an older command ({a.late} late, {a.stale} stale,"
             f" {a.lost} lost), at most {a.longest_silence * dt_s:.3f} s on end{neutral}"
         )
+
+    def ending(self, outcome: Outcome, reason: str) -> tuple[Outcome, str]:
+        """Outcome and reason with the account; a run whose commands stopped has no command, though it went on."""
+        account, sentence = self.account, self.sentence()
+        if outcome is Outcome.COMPLETED and account.in_neutral:
+            silent_s = account.silence * self._dt_ns * 1e-9
+            reason = (
+                f"no command answered a state after step {account.newest} for {silent_s:.3f} s to the end"
+            )
+            return Outcome.NO_COMMAND, reason
+        return outcome, f"{reason}; {sentence}" if sentence else reason

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plant's side of the closed loop: one step for each command, in process and in the plant node."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.loop.outcome import Outcome, OutcomeMonitor
+from skydiver_utc.loop.registry import build_disturbances, build_plant
+from skydiver_utc.parameters import Scenario
+
+Array = NDArray[np.float64]
+
+
+class PlantSteps:
+    """The plant of a run and its disturbances: at step `k` its `state` (n,), before it `applied` (a,).
+
+    `k` is -1 before the run; the run is over after the last step, or when the plant has a fault.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.plant = build_plant(scenario)
+        self.disturbances = build_disturbances(scenario, self.plant)
+        self._scenario = scenario
+        self.reset()
+        # Compiled before the run.
+        command = self.applied[: len(self.plant.control_names)]
+        self.plant.step(self.plant.initial_state(), self.applied, self.plant.actuate(command, self.applied))
+
+    def reset(self) -> None:
+        """Before a run."""
+        self.k = -1
+        self.state, self.applied = self.plant.initial_state(), self.plant.initial_applied()
+        self._monitor = OutcomeMonitor(self._scenario, self.plant)
+
+    def begin(self) -> bool:
+        """Go to step 0; False where the run is over at once."""
+        self.k = 0
+        return self._monitor.observe(0, self.state)
+
+    def step(self, command: Array) -> bool:
+        """One step under a command (m,); False when the run is over."""
+        before, self.applied = self.applied, self.plant.actuate(command, self.applied)
+        state = self.plant.step(self.state, before, self.applied)
+        self.k += 1
+        for disturbance in self.disturbances:
+            state = disturbance.state(self.k, state)
+        self.state = state
+        return self._monitor.observe(self.k, state) and self.k < self._scenario.steps
+
+    @property
+    def control(self) -> Array:
+        """The applied control (m,) of the step before."""
+        return self.applied[: len(self.plant.control_names)]
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the run ended, or stands."""
+        return self._monitor.outcome
+
+    @property
+    def reason(self) -> str:
+        """One sentence on the outcome."""
+        return self._monitor.reason
+
+    def end(self, outcome: Outcome, reason: str) -> None:
+        """The run was ended from outside."""
+        self._monitor.end(outcome, reason)

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a controller publishes, each in answer to a state."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from skydiver_utc.controllers.protocol import Decision
+from skydiver_utc.messages import TWIST_COMPONENTS, change_text, fill_named, fill_twist
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.node import ScenarioNode
+from skydiver_utc.parameters import ParameterError
+
+Vector = NDArray[np.float64]
+
+
+class ControllerTopics:
+    """The publishers of a controller, and their messages."""
+
+    def __init__(self, node: ScenarioNode, control_names: tuple[str, ...]) -> None:
+        self._settings = s = node.settings
+        unknown = set(s.command_components) - set(TWIST_COMPONENTS)
+        if s.command_message == "twist" and (len(s.command_components) != len(control_names) or unknown):
+            raise ParameterError(
+                f"command_components must name a component of the twist for each of {', '.join(control_names)}:"
+                f" {len(control_names)} of {', '.join(TWIST_COMPONENTS)}"
+            )
+        command_type = topics.COMMAND_TYPES[s.command_message]
+        self._command = node.advertise(topics.COMMAND.of_type(command_type))
+        self._telemetry = node.advertise(topics.TELEMETRY)
+        self._changes = node.advertise(topics.CHANGES)
+        self._clock = node.publisher(topics.CLOCK) if s.publish_clock else None
+        self._command_message = command_type()
+        if s.command_message == "joint_state":
+            self._command_message.name = list(control_names)
+        self._telemetry_message = JointState()
+
+    def publish_command(self, stamp: Any, command: Vector) -> None:
+        """The control (m,), in the message that the plant takes."""
+        message = self._command_message
+        match self._settings.command_message:
+            case "joint_state":
+                message.header.stamp = stamp
+                fill_named(message, command)
+            case "float64_multi_array":
+                message.data = command.tolist()
+            case _:
+                fill_twist(message, self._settings.command_components, command)
+        self._command.publish(message)
+
+    def name_telemetry(self, names: tuple[str, ...]) -> None:
+        """What the controller's telemetry is called."""
+        self._telemetry_message.name = [*names, "solve_time", "status"]
+
+    def publish_telemetry(self, stamp: Any, decision: Decision, solve_time_s: float) -> None:
+        """The values behind a decision; and the clock where it is asked for."""
+        self._telemetry_message.header.stamp = stamp
+        values = np.append(decision.telemetry, (solve_time_s, float(decision.status)))
+        self._telemetry.publish(fill_named(self._telemetry_message, values))
+        if self._clock is not None:
+            self._clock.publish(Clock(clock=stamp))
+
+    def publish_change(self, k: int, values: dict[str, Any], control: Vector | None) -> None:
+        """The values that differ from those of the recorded scenario from step k on, where it began from a control."""
+        start = None if control is None else control.tolist()
+        self._changes.publish(String(data=change_text(topics.CONTROLLER, k, values, start)))

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a plant publishes."""
+
+import numpy as np
+from numpy.typing import NDArray
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from skydiver_utc.messages import fill_named, fill_state
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.node import ScenarioNode
+from skydiver_utc.plants.protocol import Plant
+
+Vector = NDArray[np.float64]
+_DISPLAY_RATE_HZ = 30.0
+
+
+class PlantTopics:
+    """The publishers of a plant, and their messages."""
+
+    def __init__(self, node: ScenarioNode, plant: Plant) -> None:
+        self._grid, self._plant = node.grid, plant
+        state_type = topics.STATE_TYPES[plant.state_message]
+        # Before the clock: a reference that has discovered the clock waits for the scenario, too.
+        self.scenario = node.advertise(topics.SCENARIO)
+        self.state = node.advertise(topics.STATE.of_type(state_type))
+        self._clock = node.advertise(topics.CLOCK)
+        self._applied = node.advertise(topics.APPLIED_COMMAND)
+        self._joints = node.advertise(topics.JOINT_STATES) if plant.joint_names else None
+        self.outcome = node.advertise(topics.OUTCOME)
+        self._state_message = state_type()
+        if plant.state_message == "odometry":
+            self._state_message.header.frame_id, self._state_message.child_frame_id = "world", "body"
+        else:
+            self._state_message.name = list(plant.state_names)
+        self._clock_message = Clock()
+        self._applied_message = JointState(name=list(plant.control_names))
+        self._joints_message = JointState(name=list(plant.joint_names))
+        self._display_steps = max(1, round(1.0 / (_DISPLAY_RATE_HZ * node.scenario.dt_s)))
+
+    def publish_state(self, k: int, state: Vector) -> None:
+        """State first: the controller works while the clock is sent."""
+        self._grid.set_stamp(self._state_message.header.stamp, k)
+        self.state.publish(fill_state(self._state_message, state))
+        self._grid.set_stamp(self._clock_message.clock, k)
+        self._clock.publish(self._clock_message)
+
+    def publish_applied(self, k: int, applied: Vector) -> None:
+        """What the actuators hold (a,) from step k on, and sometimes the joint angles at that."""
+        self._grid.set_stamp(self._applied_message.header.stamp, k)
+        self._applied.publish(fill_named(self._applied_message, applied[: len(self._plant.control_names)]))
+        if self._joints is not None and k % self._display_steps == 0:
+            self._grid.set_stamp(self._joints_message.header.stamp, k)
+            self._joints.publish(fill_named(self._joints_message, self._plant.joint_angles(applied)))
