@@ -8,10 +8,10 @@ import click
 
 from skydiver_utc.body.posture import pattern_direction
 from skydiver_utc.body.segments import build_body
-from skydiver_utc.cli.reachable import reachable_amplitude, tracked
 from skydiver_utc.parameters import load_scenario
 from skydiver_utc.plants.skydiver.model import build_model
 from skydiver_utc.plants.skydiver.trim import in_posture, straight_fall
+from skydiver_utc.studies.reachable import reachable_amplitude, tracked
 
 # Subject, suit and the neutral posture for both.
 ROWS = (

@@ -33,6 +33,11 @@ def analyse(folder: Path, as_json: bool) -> Run:
     return run
 
 
+def print_analysis(folder: Path, as_json: bool) -> None:
+    """The command: 0 whatever the outcome of the run."""
+    analyse(folder, as_json)
+
+
 def examine(folder: Path) -> tuple[Run, dict[str, Any]]:
     """Read the run and write its metrics, figure and report beside the bag; the run and its metrics.
 

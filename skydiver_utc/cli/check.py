@@ -5,10 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.table import Column, Table
-from rich.text import Text
-
 from skydiver_utc.analysis.controller_check import check as compute
 from skydiver_utc.analysis.controller_check import report
 from skydiver_utc.analysis.labels import reference_added
@@ -16,6 +12,7 @@ from skydiver_utc.analysis.metrics import to_json
 from skydiver_utc.analysis.recorded_run import RecordedRun
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.outputs import check_figure_path
+from skydiver_utc.cli.screen import show_lines, show_tables, table
 from skydiver_utc.cli.settings import parse_setting
 from skydiver_utc.parameters import Scenario, load_scenario, override
 from skydiver_utc.parameters.exit_codes import FAILED
@@ -61,33 +58,32 @@ def _other_scenario(recorded: Scenario, controller: str | None, settings: Sequen
 
 
 def _show(values: dict[str, Any]) -> None:
-    console = Console()
-
-    def line(sentence: str, style: str = "") -> None:
-        console.print(Text(sentence, style=style), soft_wrap=True)
-
     if values["first_step"]:
         first_step = f"step {values['first_step']}"
-        line(f"the recording lacks the beginning: checked from the controller's restart at {first_step} on")
+        show_lines(
+            f"the recording lacks the beginning: checked from the controller's restart at {first_step} on"
+        )
     if sentence := reference_added(values["reference_steps_not_recorded"]):
-        line(sentence)
+        show_lines(sentence)
     if values["equal"]:
-        line(f"{values['controller']}: all {values['steps']} commands are the recorded ones, bit for bit")
+        show_lines(
+            f"{values['controller']}: all {values['steps']} commands are the recorded ones, bit for bit"
+        )
         return
-    line(f"{values['controller']}, less the recorded commands", style="bold")
-    table = Table("control", *(Column(heading, justify="right") for heading in ("RMS", "largest", "at, s")))
+    show_lines(f"{values['controller']}, less the recorded commands", style="bold")
+    made = table("", "control", ">RMS", ">largest", ">at, s")
     for name, of in values["controls"].items():
-        table.add_row(name, f"{of['rms']:.6g}", f"{of['largest']:.6g}", f"{of['largest_at_s']:.3f}")
-    console.print(table)
+        made.add_row(name, f"{of['rms']:.6g}", f"{of['largest']:.6g}", f"{of['largest_at_s']:.3f}")
+    show_tables(made)
     first = values["first_difference"]
-    line(
+    show_lines(
         f"{values['different_steps']} of {values['steps']} commands differ, the first at step {first['step']}"
         f" ({first['time_s']:.3f} s): {first['control']} was {first['recorded']!r}, is {first['computed']!r}"
     )
     if revised := values["reference_steps_revised"]:
-        line(
+        show_lines(
             f"{revised} steps of the live reference were changed after they had been announced: a decision before that"
             " is computed with the later values"
         )
     if values["in_real_time"]:
-        line("recorded in real time, where a controller does not receive every state")
+        show_lines("recorded in real time, where a controller does not receive every state")

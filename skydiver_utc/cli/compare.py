@@ -5,11 +5,10 @@ import json
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from skydiver_utc.cli.outputs import prepare_folder
-from skydiver_utc.cli.screen import count_progress
+from skydiver_utc.cli.screen import count_progress, show_lines, table
 from skydiver_utc.studies.checklist import checklist
 from skydiver_utc.studies.claim import Verdict
 from skydiver_utc.studies.paper_cases import all_cases
@@ -34,26 +33,21 @@ def compare_paper(out: Path | None, quick: bool, jobs: int, as_json: bool, quiet
         return
     _show(results)
     if out is not None:
-        Console().print(Text(f"written into {out}"), soft_wrap=True)
+        show_lines(f"written into {out}")
 
 
 def _show(results: PaperResults) -> None:
-    console = Console()
-    configurations = Table(title="Configurations", title_justify="left", title_style="bold")
     head, *rows = (
         (label, *measured) for label, _code, *measured in (CONFIGURATION_HEAD, *configuration_rows(results))
     )
-    for name in head:
-        configurations.add_column(name)
+    configurations = table("Configurations", *head)
     for row in rows:
         configurations.add_row(*map(Text, row))
-    claims = Table(title="The paper's claims", title_justify="left", title_style="bold", show_lines=True)
-    for name in ("the paper's claim", "measured", ""):
-        claims.add_column(name)
+    claims = table("The paper's claims", "the paper's claim", "measured", "", show_lines=True)
     for claim in checklist(results):
         verdict = Text(claim.verdict.value, style=_STYLES[claim.verdict])
         claims.add_row(Text(claim.words), Text(claim.measured), verdict)
-    console.print(configurations)
-    console.print(claims)
+    Console().print(configurations)
+    Console().print(claims)
     if results.quick:
-        console.print(Text(QUICK_WARNING, style="bold red"), soft_wrap=True)
+        show_lines(QUICK_WARNING, style="bold red")

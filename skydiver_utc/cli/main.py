@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import click
-from click.core import ParameterSource
 
 from skydiver_utc.plants.skydiver.pattern_kinds import DEFAULT_KIND, PATTERN_KINDS
 
@@ -25,7 +24,7 @@ exit code of --check
     1  some are not
     2  the input is wrong: one sentence says why
 """
-_OF_PLAYING = ("rate", "start", "loop", "topics", "quiet")
+_UNSET = (None, False, ())
 _PATH = click.Path(path_type=Path)
 
 
@@ -93,13 +92,14 @@ _version = click.option(
     help="Show the version and exit.",
 )  # fmt: skip
 _scenario = click.argument("scenario", metavar="SCENARIO")
+_run_folder = click.argument("folder", metavar="RUN", type=_PATH)
 _settings = click.option(
     "--set", "settings", multiple=True, metavar="NAME=VALUE",
     help="Override one setting by its dotted name, for example controller.horizon_steps=5. Repeatable.",
 )  # fmt: skip
 _json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
 _within = click.option(
-    "--scenario", default="bank_recovery", show_default=True,
+    "--scenario", default="bank_recovery", show_default=True, metavar="SCENARIO",
     help="The scenario with all settings that are not given: air, limits, subject.",
 )  # fmt: skip
 _quiet = click.option("--quiet", is_flag=True, help="No progress bar, nothing on stderr but errors.")
@@ -151,9 +151,8 @@ def simulate(**options: Any) -> None:
 @click.argument("scenarios", metavar="[NAME=]SCENARIO...", nargs=-1, required=True)
 @_settings
 @click.option(
-    "--bags", default="bags", show_default=True, metavar="FOLDER", help="Where run folders are made."
+    "--folder", type=_PATH, metavar="FOLDER", help="The run folder, instead of a new one below bags/."
 )
-@click.option("--folder", metavar="FOLDER", help="The run folder itself, instead of a new one in --bags.")
 @click.option("--real-time", is_flag=True, help="Step by the clock instead of waiting for each command.")
 @click.option(
     "--delay-steps", default=0, show_default=True, type=click.IntRange(0, 50),
@@ -161,16 +160,7 @@ def simulate(**options: Any) -> None:
 )  # fmt: skip
 @_json
 @_quiet
-def run(
-    scenarios: tuple[str, ...],
-    settings: tuple[str, ...],
-    bags: str,
-    folder: str | None,
-    real_time: bool,
-    delay_steps: int,
-    as_json: bool,
-    quiet: bool,
-) -> None:
+def run(**options: Any) -> None:
     """Run SCENARIO over ROS 2, recorded.
 
     Several scenarios run side by side, each in a namespace with its own clock topic and its own run folder. NAME is
@@ -180,44 +170,34 @@ def run(
     unless ROS_DOMAIN_ID is set. The run folder holds the bag, the scenario, metrics.json, tracking.png and
     report.html.
     """
-    from skydiver_utc.cli.run import Pace
-    from skydiver_utc.cli.run import run as start
-
-    place = Path(folder) if folder else None
-    raise SystemExit(
-        start(scenarios, settings, Path(bags), place, as_json, quiet, Pace(real_time, delay_steps))
-    )
+    _run("run", "run", **options)
 
 
 @main.command(short_help="Analyse a run folder again, from its bag.")
-@click.argument("folder", metavar="RUN", type=_PATH)
+@_run_folder
 @_json
-def analyse(folder: Path, as_json: bool) -> None:
+def analyse(**options: Any) -> None:
     """Make metrics.json, tracking.png and report.html of the run folder RUN again, from its bag alone."""
-    from skydiver_utc.cli.analyse import analyse as evaluate
-
-    evaluate(folder, as_json)
+    _run("analyse", "print_analysis", **options)
 
 
 @main.command(short_help="Complete a recording that was cut short or damaged.")
-@click.argument("run_folder", metavar="RUN")
-@click.option("--out", metavar="FOLDER", help="The new folder, instead of RUN_recovered.")
+@_run_folder
+@click.option("--out", type=_PATH, metavar="FOLDER", help="The new folder, instead of RUN_recovered.")
 @_json
-def recover(run_folder: str, out: str | None, as_json: bool) -> None:
+def recover(**options: Any) -> None:
     """Write the readable messages of the recording RUN into a new run folder; RUN is not changed.
 
     For a recorder that was killed, which loses at most about the last half second, and for damaged files. Of a
     complete recording nothing is written.
     """
-    from skydiver_utc.cli.recover import recover as save
-
-    save(Path(run_folder), Path(out) if out else None, as_json)
+    _run("recover", "recover", **options)
 
 
 @main.command(epilog=_CHECK_EXIT_CODES, short_help="Play a recorded run again, or check its controller.")
-@click.argument("run_folder", metavar="RUN")
-@click.option("--rate", default=1.0, show_default=True, help="Speed, in simulated seconds per second.")
-@click.option("--start", default=0.0, metavar="S", help="Begin this many seconds after the first message.")
+@_run_folder
+@click.option("--rate", type=float, help="Speed, in simulated seconds per second.  [default: 1]")
+@click.option("--start", type=float, metavar="S", help="Begin this many seconds after the first message.")
 @click.option("--loop", is_flag=True, help="Begin again at the end, until interrupted.")
 @click.option(
     "--topics", metavar="NAME,...", help="Only these topics, and /clock; state is that of the skydiver."
@@ -227,22 +207,12 @@ def recover(run_folder: str, out: str | None, as_json: bool) -> None:
     "--controller", metavar="SCENARIO", help="With --check: the controller of this scenario instead."
 )
 @_settings
-@click.option("--figure", metavar="FILE.png", help="With --check: draw both commands into this file.")
+@click.option(
+    "--figure", type=_PATH, metavar="FILE.png", help="With --check: draw both commands into this file."
+)
 @_json
 @_quiet
-def replay(
-    run_folder: str,
-    rate: float,
-    start: float,
-    loop: bool,
-    topics: str | None,
-    check: bool,
-    controller: str | None,
-    settings: tuple[str, ...],
-    figure: str | None,
-    as_json: bool,
-    quiet: bool,
-) -> None:
+def replay(**options: Any) -> None:
     """Play the recorded run RUN again over ROS 2, or check its controller.
 
     Publishes the recorded messages in order, byte for byte, with /clock, on ROS_DOMAIN_ID (0 unless set) of this
@@ -252,23 +222,18 @@ def replay(
     recorded scenario and prints the first command that is not the recorded one, bit for bit. With --controller or
     --set it computes the commands of another controller at these states.
     """
-    if check:
-        source = click.get_current_context().get_parameter_source
-        if any(source(name) is not ParameterSource.DEFAULT for name in _OF_PLAYING):
-            raise click.UsageError("--rate, --start, --loop, --topics and --quiet do not go with --check")
-        path = Path(figure) if figure else None
-        _run(
-            "check", "check",
-            folder=Path(run_folder), controller=controller, settings=settings, figure=path, as_json=as_json,
-        )  # fmt: skip
-    if controller or settings or figure or as_json:
-        raise click.UsageError("--controller, --set, --figure and --json go with --check")
-    from skydiver_utc.cli.replay import replay as play
-
-    names = [] if topics is None else [name.strip() for name in topics.split(",")]
-    if not all(names):
-        raise click.UsageError(f"--topics {topics!r} has an empty name: write them as in state,command")
-    raise SystemExit(play(Path(run_folder), rate, start, loop, names, quiet))
+    of_check = {name: options.pop(name) for name in ("controller", "settings", "figure", "as_json")}
+    of_player = {name: options.pop(name) for name in ("rate", "start", "loop", "topics", "quiet")}
+    checked = options.pop("check")
+    given = {
+        name: value for name, value in (of_player if checked else of_check).items() if value not in _UNSET
+    }
+    if given:
+        name = {"settings": "set", "as_json": "json"}.get(first := next(iter(given)), first)
+        raise click.UsageError(f"--{name} does not go {'with' if checked else 'without'} --check")
+    if checked:
+        _run("check", "check", **options, **of_check)
+    _run("replay", "replay", **options, **of_player)
 
 
 @main.group()
@@ -343,9 +308,6 @@ def extract(**options: Any) -> None:
     help="Write the path here, its first posture beside it.",
 )  # fmt: skip
 @click.option(
-    "--posture", metavar="NAME", help="The posture whose joint angles fill those that the file lacks."
-)
-@click.option(
     "--tolerance", default=0.5, show_default=True, type=float, metavar="DEG",
     help="How far the path may be from a posture that is left out.",
 )  # fmt: skip
@@ -355,7 +317,8 @@ def extract(**options: Any) -> None:
 def import_(**options: Any) -> None:
     """Make a path of measured postures, to be flown open loop in the time that they were measured in.
 
-    FILE.csv holds time_s and joint angles in degrees (docs/patterns.md); a run folder or a bag will do, too. As
+    FILE.csv holds time_s and joint angles in degrees (docs/patterns.md); a run folder or a bag will do, too. Angles
+    that it lacks are those of the scenario's posture. As
     many postures are kept as the tolerance needs; how many, how far the path is from the others and how
     exact the plant's table of it is, is printed with the command that flies it.
     """
@@ -364,7 +327,6 @@ def import_(**options: Any) -> None:
 
 @main.command(short_help="Find the straight fall of POSTURE, its modes and its turning.")
 @click.argument("posture", metavar="[POSTURE]", required=False)
-@click.option("--subject", metavar="NAME", help="Who falls, instead of the scenario's subject.")
 @_within
 @_settings
 @click.option(
@@ -375,10 +337,10 @@ def import_(**options: Any) -> None:
 def trim(**options: Any) -> None:
     """Find the straight fall of POSTURE, linearise it, and show how it turns.
 
-    POSTURE is a name below config/postures. The scenario's own posture, which is also taken without POSTURE, is
-    first moved, by as little as it takes, to fall straight down at the scenario's initial pitch; any other posture
-    is held as it is and may glide. The fast turns of --reachable (0.2 Hz, UTC, about a minute of runs) start
-    from the straight fall of the posture, moved so in either case.
+    POSTURE is a name below config/postures; --set plant.subject=NAME chooses who falls. The scenario's own posture,
+    which is also taken without POSTURE, is first moved, by as little as it takes, to fall straight down at the
+    scenario's initial pitch; any other posture is held as it is and may glide. The fast turns of --reachable
+    (0.2 Hz, UTC, about a minute of runs) start from the straight fall of the posture, moved so in either case.
     """
     _run("trim", "trim", **options)
 

@@ -8,14 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.table import Table
-from rich.text import Text
 
 from skydiver_utc.body.posture import joint_angle_names, joint_rows, posture_angles
 from skydiver_utc.body.principal_components import PrincipalComponents, principal_components
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.outputs import DECIMALS, name_of, write
-from skydiver_utc.cli.screen import show_tables
+from skydiver_utc.cli.screen import show_tables, table
 from skydiver_utc.cli.settings import load_skydiver
 from skydiver_utc.parameters import MovementPattern, Posture, Scenario
 from skydiver_utc.plants.skydiver.pattern_effect import EFFECTS, pattern_effect
@@ -108,21 +106,16 @@ def _component(scenario: Scenario, found: PrincipalComponents, i: int, angles: A
 
 
 def _show(rows: Sequence[dict[str, Any]], about: str) -> None:
-    table = Table(title=Text(f"Principal components of {about}"), title_justify="left", title_style="bold")
-    table.add_column("component", justify="right")
-    table.add_column("explained\nvariance", justify="right")
-    table.add_column("alpha\nrad", justify="right")
-    table.add_column("positive alpha")
+    made = table(
+        f"Principal components of {about}",
+        *(">component", ">explained\nvariance", ">alpha\nrad", "positive alpha"),
+    )
     explained = 0.0
     for row in rows:
         if explained > _LISTED:
             break
         explained += row["explained_variance"]
         low, high = row["alpha_rad"]
-        table.add_row(
-            str(row["component"]),
-            f"{row['explained_variance']:.4f}",
-            f"{low:.3f} to {high:.3f}",
-            row["effect"],
-        )
-    show_tables(table)
+        variance, alpha = f"{row['explained_variance']:.4f}", f"{low:.3f} to {high:.3f}"
+        made.add_row(str(row["component"]), variance, alpha, row["effect"])
+    show_tables(made)

@@ -43,7 +43,6 @@ _MEND = "cut it into shorter files, or allow a larger --tolerance"
 def import_motion(
     source: Path,
     out: Path,
-    posture: str | None,
     tolerance: float,
     scenario: str,
     settings: Sequence[str],
@@ -55,11 +54,10 @@ def import_motion(
     name_of(start, "", force)
     if not 0.0 < tolerance < math.inf:
         raise CommandError(f"--tolerance {tolerance:g} cannot be used: give degrees above zero, as in 0.5")
-    chosen = [*([] if posture is None else [f"plant.posture={posture}"]), *settings]
-    plant = load_skydiver(scenario, chosen).plant
+    plant = load_skydiver(scenario, settings).plant
     time_s, angles = _measured(source, plant)
     duration_s = float(time_s[-1]) - float(time_s[0])
-    in_time = _in_time(source, plant, scenario, chosen, duration_s)
+    in_time = _in_time(source, plant, scenario, settings, duration_s)
     keyframes = thin(time_s, angles, float(np.deg2rad(tolerance)))
     kept = _kept(keyframes, len(time_s))
     source_line = (

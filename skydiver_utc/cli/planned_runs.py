@@ -26,9 +26,7 @@ class PlannedRun(NamedTuple):
     module_folder: Path | None
 
 
-def planned_runs(
-    given: Sequence[str], settings: Sequence[str], bags: Path, folder: Path | None
-) -> list[PlannedRun]:
+def planned_runs(given: Sequence[str], settings: Sequence[str], folder: Path | None) -> list[PlannedRun]:
     """The runs of the arguments ``[NAME=]SCENARIO``; the settings are for all of them.
 
     A single run has the run folder for itself, several have a folder each below it. Without a name they are
@@ -43,7 +41,7 @@ def planned_runs(
         raise CommandError(f"two runs are called {twice[0]}: give each its own name, NAME=SCENARIO")
     scenarios = [load(source, settings) for source in sources]
     several = len(names) > 1
-    whole = folder or new_run_folder(bags, f"{len(names)}_runs" if several else scenarios[0].name)
+    whole = folder or new_run_folder(Path("bags"), f"{len(names)}_runs" if several else scenarios[0].name)
     _check_place(whole)
     return [
         PlannedRun(name, scenario, whole / name if several else whole, _module_folder(source))

@@ -15,23 +15,23 @@ from skydiver_utc.recording.recovery import Loss, Survey, survey
 from skydiver_utc.recording.recovery import recover as write_recovered
 
 
-def recover(path: Path, out: Path | None, as_json: bool) -> None:
+def recover(folder: Path, out: Path | None, as_json: bool) -> None:
     """Report what is complete; if anything is missing, write the rest into `out`, a folder that must not exist."""
     if out is not None and out.exists():
         raise CommandError(f"{out} exists already: name another folder, or move this one away")
-    found = survey(path)
-    folder = None
+    found = survey(folder)
+    into = None
     if not found.whole:
-        folder = out or path.with_name(f"{path.stem if path.is_file() else path.name}_recovered")
-        write_recovered(path, folder)
+        into = out or folder.with_name(f"{folder.stem if folder.is_file() else folder.name}_recovered")
+        write_recovered(folder, into)
         for name in (SCENARIO_FILE, VERSIONS_FILE):
-            source = (path if path.is_dir() else path.parent) / name
+            source = (folder if folder.is_dir() else folder.parent) / name
             if source.is_file():
-                shutil.copy2(source, folder / name)
+                shutil.copy2(source, into / name)
     if as_json:
-        print(json.dumps(_as_dict(found, folder), indent=2))
+        print(json.dumps(_as_dict(found, into), indent=2))
         return
-    for line in _lines(found, folder):
+    for line in _lines(found, into):
         click.echo(line)
 
 

@@ -4,7 +4,6 @@
 import os
 import tempfile
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -18,15 +17,20 @@ from skydiver_utc.recording.reader import read_bag
 _POLL_S = 0.1
 
 
-def replay(folder: Path, rate: float, start_s: float, loop: bool, topics: Sequence[str], quiet: bool) -> int:
+def replay(
+    folder: Path, rate: float | None, start: float | None, loop: bool, topics: str | None, quiet: bool
+) -> int:
     """Play the run to its end, or until Ctrl-C; returns the exit code."""
+    names = [] if topics is None else [name.strip() for name in topics.split(",")]
+    if not all(names):
+        raise CommandError(f"--topics {topics!r} has an empty name: write them as in state,command")
     require_rclpy()
     read_bag(folder)
     # Others subscribe to it: on the caller's domain, where `run` takes a free one.
     environment = node_environment({**os.environ, "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or "0"})
-    parameters: Parameters = {"run": str(folder.absolute()), "rate": rate, "start_s": start_s, "loop": loop}
-    if topics:
-        parameters["topics"] = list(topics)
+    parameters: Parameters = {"run": str(folder.absolute()), "loop": loop}
+    given = {"rate": rate, "start_s": start, "topics": names or None}
+    parameters |= {name: value for name, value in given.items() if value is not None}
     with (
         interruptible(),
         tempfile.TemporaryDirectory(prefix="skydiver_utc_") as scratch,

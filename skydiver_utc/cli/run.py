@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import click
 
@@ -24,7 +24,7 @@ from skydiver_utc.cli.node_processes import (
 )
 from skydiver_utc.cli.planned_runs import PlannedRun, planned_runs
 from skydiver_utc.cli.ros_environment import node_environment, require_rclpy
-from skydiver_utc.cli.screen import Progressed, flights_progress
+from skydiver_utc.cli.screen import Progressed, runs_progress
 from skydiver_utc.cli.simulate import exit_code
 from skydiver_utc.parameters import to_yaml
 from skydiver_utc.parameters.exit_codes import FAILED, STOPPED
@@ -32,32 +32,26 @@ from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.metadata import METADATA_FILE, message_count
 
 
-class Pace(NamedTuple):
-    """Lockstep or real time, and by how many steps the controller predicts the state ahead."""
-
-    real_time: bool = False
-    delay_steps: int = 0
-
-
 def run(
     scenarios: Sequence[str],
     settings: Sequence[str],
-    bags: Path,
     folder: Path | None,
+    real_time: bool,
+    delay_steps: int,
     as_json: bool,
     quiet: bool,
-    pace: Pace,
 ) -> int:
     """Run and record all scenarios side by side, print their metrics; returns the exit code."""
-    planned = planned_runs(scenarios, settings, bags, folder)
+    planned = planned_runs(scenarios, settings, folder)
     require_rclpy()
     environment = node_environment(os.environ)
     if not quiet:
         places = ", ".join(str(each.folder) for each in planned)
         click.echo(f"recording into {places}, on ROS domain {environment['ROS_DOMAIN_ID']}", err=True)
+    waiting: Parameters = {"wait_for_recorder": True, "mode": "real_time" if real_time else "lockstep"}
     with interruptible():
         try:
-            _run(planned, environment, quiet, pace)
+            _run(planned, environment, quiet, waiting, delay_steps)
         except KeyboardInterrupt:
             for each in planned:
                 click.echo(f"stopped: {recording_state(each.folder)}", err=True)
@@ -75,12 +69,12 @@ class _NodesOfRun:
         self._began = self._outcome = False
         self._recorder_reported = False
 
-    def start(self, scenario: Path, pace: Pace) -> None:
-        """Start the four nodes."""
+    def start(self, scenario: Path, waiting: Parameters, delay_steps: int) -> None:
+        """Start the four nodes; `waiting` are the parameters of all but the recorder."""
         common: Parameters = {"scenario": str(scenario)}
-        waiting = common | {"wait_for_recorder": True, "mode": "real_time" if pace.real_time else "lockstep"}
+        waiting = common | waiting
         self.nodes.start(RECORDER, common | {"bag_folder": str(self.planned.folder.absolute())})
-        self.nodes.start(CONTROLLER, waiting | {"delay_steps": pace.delay_steps})
+        self.nodes.start(CONTROLLER, waiting | {"delay_steps": delay_steps})
         self.nodes.start(REFERENCE, waiting)
         self.nodes.start(PLANT, waiting | {"progress": True})
 
@@ -124,11 +118,17 @@ class _NodesOfRun:
             )
 
 
-def _run(planned: Sequence[PlannedRun], environment: Mapping[str, str], quiet: bool, pace: Pace) -> None:
+def _run(
+    planned: Sequence[PlannedRun],
+    environment: Mapping[str, str],
+    quiet: bool,
+    waiting: Parameters,
+    delay_steps: int,
+) -> None:
     """Start the nodes, follow the runs to their ends, end the nodes."""
     with ExitStack() as stack:
         scratch = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="skydiver_utc_")))
-        bars = stack.enter_context(flights_progress({run.name: run.scenario for run in planned}, quiet))
+        bars = stack.enter_context(runs_progress({run.name: run.scenario for run in planned}, quiet))
         runs = []
         for each in planned:
             folder = scratch / each.name
@@ -138,7 +138,7 @@ def _run(planned: Sequence[PlannedRun], environment: Mapping[str, str], quiet: b
             own_clock = len(planned) > 1
             nodes = NodeProcesses(environment, folder, each.name, own_clock, each.module_folder)
             runs.append(_NodesOfRun(each, stack.enter_context(nodes), bars[each.name]))
-            runs[-1].start(scenario, pace)
+            runs[-1].start(scenario, waiting, delay_steps)
         running = runs
         while running and not any(run.failed for run in runs):
             running = [run for run in running if run.running()]

@@ -1,14 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Progress bars on stderr, metrics on stdout."""
 
-from collections.abc import Callable, Iterator, Mapping
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 from rich.cells import cell_len
 from rich.console import Console
 from rich.measure import Measurement
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+)
 from rich.table import Table
 from rich.text import Text
 
@@ -21,74 +29,100 @@ _WIDEST = 1000
 
 
 @contextmanager
-def flight_progress(scenario: Scenario, quiet: bool) -> Iterator[Progressed]:
+def run_progress(scenario: Scenario, quiet: bool) -> Iterator[Progressed]:
     """A bar for the steps of one run; none when quiet or when stderr is no terminal."""
-    with flights_progress({scenario.name: scenario}, quiet) as progressed:
+    with runs_progress({scenario.name: scenario}, quiet) as progressed:
         yield progressed[scenario.name]
 
 
 @contextmanager
-def flights_progress(scenarios: Mapping[str, Scenario], quiet: bool) -> Iterator[dict[str, Progressed]]:
+def runs_progress(scenarios: Mapping[str, Scenario], quiet: bool) -> Iterator[dict[str, Progressed]]:
     """A bar for each run, by name; none when quiet or when stderr is no terminal."""
-    console = Console(stderr=True)
-    if quiet or not console.is_terminal:
-        yield {name: lambda _step, _steps: None for name in scenarios}
-        return
     columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
         TextColumn("{task.percentage:>3.0f} %"),
-        TextColumn("{task.fields[flown]:.1f} of {task.fields[whole]:g} s simulated"),
-        TimeElapsedColumn(),
+        TextColumn("{task.fields[done]:.1f} of {task.fields[whole]:g} s simulated"),
     )
-    with Progress(*columns, console=console, transient=True) as bar:
-        yield {name: _bar_of(bar, name, scenario) for name, scenario in scenarios.items()}
-
-
-def _bar_of(bar: Progress, name: str, scenario: Scenario) -> Progressed:
-    task = bar.add_task("getting ready", total=scenario.steps, flown=0.0, whole=scenario.duration_s)
-
-    def progressed(step: int, steps: int) -> None:
-        bar.update(task, description=name, completed=step, total=steps, flown=step * scenario.dt_s)
-
-    return progressed
-
-
-def show_metrics(values: dict[str, Any], title: str) -> None:
-    """Print the metrics as a table."""
-    table = Table(title=Text(title), title_justify="left", title_style="bold", show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column(justify="right", overflow="fold")
-    table.add_column(style="dim")
-    style = "green" if values["outcome"] == "completed" else "red"
-    table.add_row("outcome", Text(values["outcome"], style=style), "")
-    for row in rows(values):
-        table.add_row(*row)
-    show_tables(table)
-    for sentence in filter(None, (values["reason"], missing(values))):
-        Console().print(Text(sentence), soft_wrap=True)
-
-
-def show_tables(*tables: Table) -> None:
-    """Print tables on stdout; on a narrow screen lines get too long, but no word is cut."""
-    console = Console()
-    for table in tables:
-        for column in table.columns:
-            lines = [line for cell in (column.header, *column.cells) for line in str(cell).splitlines()]
-            whole = lines if column.no_wrap else [word for line in lines for word in line.split()]
-            column.min_width = max(map(cell_len, whole), default=0)
-        least = Measurement.get(console, console.options.update(max_width=_WIDEST), table).minimum
-        Console(width=max(console.width, least)).print(table, crop=False)
+    with _bars(columns, quiet) as bars:
+        yield {name: _bar_of(bars, name, scenario) for name, scenario in scenarios.items()}
 
 
 @contextmanager
 def count_progress(description: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
     """A bar for `total` items; none when quiet or when stderr is no terminal."""
+    with _bars((MofNCompleteColumn(),), quiet) as bars:
+        task = bars.add_task(description, total=total)
+        yield lambda done: bars.update(task, completed=done)
+
+
+def _bars(columns: Sequence[ProgressColumn], quiet: bool) -> Progress:
     console = Console(stderr=True)
-    if quiet or not console.is_terminal:
-        yield lambda _done: None
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task(description, total=total)
-        yield lambda done: bar.update(task, completed=done)
+    every = (TextColumn("{task.description}"), BarColumn(), *columns, TimeElapsedColumn())
+    return Progress(*every, console=console, transient=True, disable=quiet or not console.is_terminal)
+
+
+def _bar_of(bars: Progress, name: str, scenario: Scenario) -> Progressed:
+    task = bars.add_task("getting ready", total=scenario.steps, done=0.0, whole=scenario.duration_s)
+
+    def progressed(step: int, steps: int) -> None:
+        bars.update(task, description=name, completed=step, total=steps, done=step * scenario.dt_s)
+
+    return progressed
+
+
+def table(title: str, *columns: str, **options: Any) -> Table:
+    """A table; a column whose heading begins with ">" is set to the right."""
+    made = Table(title=Text(title) if title else None, title_justify="left", title_style="bold", **options)
+    for column in columns:
+        made.add_column(column.removeprefix(">"), justify="right" if column.startswith(">") else "left")
+    return made
+
+
+def facts(title: str = "", **options: Any) -> Table:
+    """A table of three columns without headings: a name, a value, and its unit or a remark."""
+    made = table(title, show_header=False, **options)
+    made.add_column(no_wrap=True)
+    made.add_column(justify="right", overflow="fold")
+    made.add_column(style="dim")
+    return made
+
+
+def numbers(values: Iterable[float], digits: int) -> str:
+    """Numbers with so many decimals, none of them -0.0."""
+    return "  ".join(f"{round(value, digits) + 0.0:.{digits}f}" for value in values)
+
+
+def show_lines(*lines: str, style: str = "") -> None:
+    """Print lines on stdout, however long."""
+    for line in lines:
+        Console().print(Text(line, style=style), soft_wrap=True)
+
+
+def show_json_or(values: Mapping[str, Any], as_json: bool, show: Callable[[dict[str, Any]], None]) -> None:
+    """Print values as one JSON object, or let `show` print them."""
+    if as_json:
+        print(json.dumps(values, indent=2))
+    else:
+        show(dict(values))
+
+
+def show_metrics(values: dict[str, Any], title: str) -> None:
+    """Print the metrics as a table."""
+    made = facts(title)
+    style = "green" if values["outcome"] == "completed" else "red"
+    made.add_row("outcome", Text(values["outcome"], style=style), "")
+    for row in rows(values):
+        made.add_row(*row)
+    show_tables(made)
+    show_lines(*filter(None, (values["reason"], missing(values))))
+
+
+def show_tables(*tables: Table) -> None:
+    """Print tables on stdout; on a narrow screen lines get too long, but no word is cut."""
+    console = Console()
+    for each in tables:
+        for column in each.columns:
+            lines = [line for cell in (column.header, *column.cells) for line in str(cell).splitlines()]
+            whole = lines if column.no_wrap else [word for line in lines for word in line.split()]
+            column.min_width = max(map(cell_len, whole), default=0)
+        least = Measurement.get(console, console.options.update(max_width=_WIDEST), each).minimum
+        Console(width=max(console.width, least)).print(each, crop=False)

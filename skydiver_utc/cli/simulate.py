@@ -6,7 +6,7 @@ from pathlib import Path
 
 from skydiver_utc.analysis.metrics import FLOWN_TO_ITS_END, metrics, to_json
 from skydiver_utc.cli.outputs import check_figure_path
-from skydiver_utc.cli.screen import flight_progress, show_metrics
+from skydiver_utc.cli.screen import run_progress, show_metrics
 from skydiver_utc.cli.settings import load
 from skydiver_utc.loop.closed_loop import simulate as run_scenario
 from skydiver_utc.loop.run import Run
@@ -17,7 +17,7 @@ def simulate(scenario: str, settings: Sequence[str], figure: Path | None, as_jso
     """Run, print the metrics, draw the figure; returns the exit code."""
     loaded = load(scenario, settings)
     check_figure_path(figure)
-    with flight_progress(loaded, quiet) as progress:
+    with run_progress(loaded, quiet) as progress:
         run = run_scenario(loaded, progress)
     values = metrics(run)
     if figure is not None:

@@ -6,11 +6,10 @@ from itertools import product
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from skydiver_utc.cli.outputs import prepare_folder
-from skydiver_utc.cli.screen import count_progress
+from skydiver_utc.cli.screen import count_progress, table
 from skydiver_utc.cli.settings import load_skydiver
 from skydiver_utc.studies.tuning import check_tunable, tune
 from skydiver_utc.studies.tuning_files import summaries_to_json, write_study
@@ -50,9 +49,7 @@ def _show(summaries: Sequence[TuningSummary]) -> None:
         ("Random tunings", count_rows(summaries)),
         ("Rank correlation with the RMSE; converged in each quarter", influence_rows(summaries)),
     ):
-        table = Table(title=title, title_justify="left", title_style="bold")
-        for name in head(summaries):
-            table.add_column(name)
+        made = table(title, *head(summaries))
         for row in rows:
-            table.add_row(*map(Text, row))
-        Console().print(table)
+            made.add_row(*map(Text, row))
+        Console().print(made)

@@ -130,7 +130,7 @@ def test_thinning_keeps_the_tolerance(tolerance):
 def test_what_the_file_lacks_is_that_of_the_posture_named(tmp_path):
     names = ["left_elbow_flexion", "right_elbow_flexion"]
     source = csv_of(tmp_path / "elbows.csv", np.deg2rad([[90.0, 90.0], [60.0, 60.0]]), names, dt=2.0)
-    _, settings, _ = imported(source, tmp_path / "elbows.yaml", "--posture", "fast_fall")
+    _, settings, _ = imported(source, tmp_path / "elbows.yaml", "--set", "plant.posture=fast_fall")
     scenario = load_scenario("bank_recovery", settings)
     fast_fall = load_scenario("bank_recovery", {"plant.posture": "fast_fall"}).plant.posture.joint_angles_deg
     for joint, row in fast_fall.items():
@@ -178,7 +178,7 @@ def test_a_posture_beyond_the_joint_limits_is_named_with_its_time(tmp_path):
         ("arms.csv", [], "must end in .yaml"),
         ("nowhere/arms.yaml", [], "a folder that exists"),
         ("arms.yaml", ["--tolerance", "-1"], "--tolerance"),
-        ("arms.yaml", ["--posture", "sitting"], "there is no posture 'sitting'"),
+        ("arms.yaml", ["--set", "plant.posture=sitting"], "there is no posture 'sitting'"),
     ],
 )
 def test_what_cannot_be_imported_is_refused(tmp_path, out, arguments, words):

@@ -12,7 +12,7 @@ from rclpy.serialization import deserialize_message
 
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.registry import build_plant
-from skydiver_utc.messages import StepGrid, read_named, read_odometry, read_outcome
+from skydiver_utc.messages import StepGrid, read_named, read_outcome, read_state
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.topics import Topic
 from skydiver_utc.parameters import load_scenario
@@ -58,9 +58,7 @@ class Bag:
 
     def states(self) -> NDArray[np.float64]:
         """Recorded states (n, states)."""
-        if self.plant.state_message == "odometry":
-            return np.array([read_odometry(message) for message in self.of(topics.STATE)])
-        return np.array([read_named(message, self.plant.state_names) for message in self.of(topics.STATE)])
+        return np.array([read_state(message, self.plant.state_names) for message in self.of(topics.STATE)])
 
     def controls(self, topic: Topic) -> NDArray[np.float64]:
         """Recorded controls (n, m)."""

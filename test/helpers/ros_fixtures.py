@@ -33,6 +33,8 @@ pytest_plugins = ("ros_domains",)
 # The machine may stand still for seconds: a wait ends when its condition holds, this is only the far end.
 PATIENCE_S = 150.0
 SCENARIO = "fast_turn_unknown_dynamics"
+# The state of a plant without a pose, such as the cart of `own_slots`.
+JOINT_STATE = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
 
 _EVERY_MESSAGE = 10_000
 
@@ -101,6 +103,7 @@ class Partner(Node):
     def __init__(self, name: str, context: Context) -> None:
         super().__init__(name, namespace=NAMESPACE, context=context)
         self._publishers_by_topic: dict[Topic, Any] = {}
+        self._clients_by_service: dict[str, Any] = {}
 
     def receive(self, topic: Topic, then: Callable[[Any], None] | None = None) -> list[Any]:
         """Subscribe with room for a whole run; every message goes into the list returned, then to `then`."""
@@ -116,6 +119,15 @@ class Partner(Node):
         )
         self.create_subscription(topic.type, topic.name, take, qos)
         return messages
+
+    def call(self, ros: "Ros", service: str, kind: Any, **fields: Any) -> Any:
+        """Call a service of another node, as "plant/get_state"; returns its response."""
+        if service not in self._clients_by_service:
+            self._clients_by_service[service] = self.create_client(kind, service)
+            ros.spin_until(self._clients_by_service[service].service_is_ready)
+        future = self._clients_by_service[service].call_async(kind.Request(**fields))
+        ros.spin_until(future.done)
+        return future.result()
 
     def publisher(self, topic: Topic) -> Any:
         """The publisher of this topic, made at the first use."""

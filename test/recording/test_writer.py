@@ -19,7 +19,7 @@ from mcap.reader import make_reader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
-from bags import QOS, START_NS, STRING, Row, messages_in, metadata_of, sentence, text_message, write_bag
+from bags import QOS, START_NS, STRING, messages_in, metadata_of, sentence, text_message
 from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.reader import read_bag
 from skydiver_utc.recording.writer import BagWriter
@@ -301,12 +301,3 @@ def test_messages_beyond_the_limit_of_the_queue_are_dropped(
     assert 10 <= sum(written) < 20
     assert bag.dropped == 20 - sum(written)
     assert len(read_bag(tmp_path / "bag")["/text"]) == sum(written)
-
-
-def test_a_written_bag_is_read_back(tmp_path: Path) -> None:
-    rows = [Row(f"/{k % 3}", START_NS + k, k, text_message(str(k))) for k in range(30)]
-    recorded = read_bag(write_bag(tmp_path / "bag", rows))
-    for name, topic in recorded.items():
-        own = [row for row in rows if row.topic == name]
-        assert topic.cdr == [row.cdr for row in own]
-        assert topic.publish_times_ns.tolist() == [row.publish_time for row in own]

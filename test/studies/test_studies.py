@@ -15,7 +15,6 @@ from tuning_guide import STEPS
 
 from skydiver_utc.cli.main import main
 from skydiver_utc.cli.settings import load as load_from_command_line
-from skydiver_utc.cli.stability import of_linear_plant, report
 from skydiver_utc.controllers.utc.settings import UtcSettings
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.linear_loop import updated_control
@@ -25,6 +24,7 @@ from skydiver_utc.studies import paper_cases as flown
 from skydiver_utc.studies.cases import Case, Measures, case, measure, run_all
 from skydiver_utc.studies.checklist import checklist
 from skydiver_utc.studies.claim import Verdict, judge
+from skydiver_utc.studies.linear_theory import of_linear_plant, report
 from skydiver_utc.studies.markdown import figure
 from skydiver_utc.studies.paper_files import read_comparison, to_json, write_comparison
 from skydiver_utc.studies.paper_page import page

@@ -9,7 +9,6 @@ from click.testing import CliRunner
 
 import skydiver_utc.loop.linear_loop as linear_loop
 from skydiver_utc.cli.main import main
-from skydiver_utc.cli.stability import of_linear_plant, of_skydiver, report
 from skydiver_utc.controllers.utc.settings import UtcSettings
 from skydiver_utc.controllers.utc.unscented_transform_controller import UnscentedTransformController
 from skydiver_utc.loop.registry import build_plant
@@ -23,6 +22,7 @@ from skydiver_utc.plants.skydiver.model import build_model
 from skydiver_utc.plants.skydiver.prediction import skydiver_step
 from skydiver_utc.plants.skydiver.steady import HeldBody, steady_turn, straight_falls
 from skydiver_utc.rotations import attitude_with_up
+from skydiver_utc.studies.linear_theory import of_linear_plant, of_skydiver, report
 from skydiver_utc.theory.linear_plant import with_outputs_of_controls
 from skydiver_utc.theory.stability import analyse
 

@@ -11,7 +11,7 @@ import pytest
 from own_slots import CART, Cart, Proportional, cart_file
 from rcl_interfaces.srv import ListParameters, SetParameters
 from rclpy.parameter import Parameter
-from ros_fixtures import Partner, Ros
+from ros_fixtures import JOINT_STATE, Partner, Ros
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from skydiver_utc.loop.registry import build_reference
@@ -24,7 +24,6 @@ from skydiver_utc.parameters.nodes import resolve
 
 pytest_plugins = ("ros_fixtures",)
 
-STATE = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
 POSITIONS = np.array([[0.1, 0.0], [0.2, 0.5], [-0.1, 1.0], [0.3, -1.0], [0.0, 0.0], [0.5, 0.5]])
 
 
@@ -37,7 +36,7 @@ class Stage:
             ControllerNode(ros.context, {"scenario": cart_file(folder), **settings})
         )
         self.partner: Partner = ros.partner("own_plant")
-        self.states = self.partner.publisher(STATE)
+        self.states = self.partner.publisher(JOINT_STATE)
         self.previews = self.partner.publisher(topics.REFERENCE_PREVIEW)
         command = topics.COMMAND_TYPES[str(settings.get("command_message", "joint_state"))]
         self.commands = self.partner.receive(topics.COMMAND.of_type(command))
@@ -57,7 +56,7 @@ class Stage:
         return self
 
     def state(self, k: int, values: Any = None) -> Any:
-        message = STATE.type(name=["position", "speed"])
+        message = JOINT_STATE.type(name=["position", "speed"])
         self.node.grid.set_stamp(message.header.stamp, k)
         return fill_named(message, POSITIONS[k % 6] if values is None else np.array(values))
 
@@ -217,30 +216,18 @@ def test_what_was_given_to_it_and_not_to_the_plant_is_recorded(ros: Ros, tmp_pat
     assert (found["step"], found["control"]) == (0, None)
 
 
-class Client:
-    """Sets parameters of the controller, as `ros2 param` does."""
-
-    def __init__(self, stage: Stage) -> None:
-        self._ros, self._partner = stage.ros, stage.partner
-
-    def call(self, service: str, kind: Any, **fields: Any) -> Any:
-        client = self._partner.create_client(kind, f"controller/{service}")
-        self._ros.spin_until(client.service_is_ready)
-        future = client.call_async(kind.Request(**fields))
-        self._ros.spin_until(future.done)
-        return future.result()
-
-    def set(self, **values: Any) -> Any:
-        named = {name.replace("__", "."): value for name, value in values.items()}
-        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in named.items()]
-        return self.call("set_parameters", SetParameters, parameters=parameters).results
+def set_parameter(stage: Stage, name: str, value: object) -> Any:
+    """As `ros2 param set` does."""
+    parameters = [Parameter(name, value=value).to_parameter_msg()]
+    called = stage.partner.call(stage.ros, "controller/set_parameters", SetParameters, parameters=parameters)
+    return called.results[0]
 
 
 def test_a_setting_of_the_controller_changes_at_the_next_decision_and_is_recorded(stage: Stage) -> None:
     stage.ready().send(0, 1)
     stage.answers(2)
     before = stage.control()
-    assert Client(stage).set(controller__gain=6.0)[0].successful
+    assert set_parameter(stage, "controller.gain", 6.0).successful
     stage.send(2)
     stage.answers(3)
     assert stage.control().tobytes() == stage.decided(2, start=before, gain=6.0).tobytes()
@@ -252,7 +239,7 @@ def test_a_setting_of_the_controller_changes_at_the_next_decision_and_is_recorde
 
 
 def test_what_was_set_before_a_run_counts_from_its_beginning(stage: Stage) -> None:
-    assert Client(stage).set(controller__gain=6.0)[0].successful
+    assert set_parameter(stage, "controller.gain", 6.0).successful
     stage.ready().send(0)
     stage.answers(1)
     assert stage.control().tobytes() == stage.decided(0, gain=6.0).tobytes()
@@ -263,19 +250,19 @@ def test_what_was_set_before_a_run_counts_from_its_beginning(stage: Stage) -> No
 @pytest.mark.parametrize(
     ("name", "value", "word"),
     [
-        ("controller__gain", -1.0, "gain"),
-        ("controller__gain", float("nan"), "gain"),
-        ("controller__gain", "much", "type"),
-        ("controller__gian", 1.0, "gian"),
+        ("controller.gain", -1.0, "gain"),
+        ("controller.gain", float("nan"), "gain"),
+        ("controller.gain", "much", "type"),
+        ("controller.gian", 1.0, "gian"),
         ("duration_s", 1.0, "duration_s"),
         ("mode", "real_time", "mode"),
-        ("reference__amplitude", 1.0, "amplitude"),
+        ("reference.amplitude", 1.0, "amplitude"),
     ],
 )
 def test_what_cannot_be_set_is_refused_by_name_and_changes_nothing(
     stage: Stage, name: str, value: object, word: str
 ) -> None:
-    result = Client(stage).set(**{name: value})[0]
+    result = set_parameter(stage, name, value)
     assert not result.successful
     assert word in result.reason
     stage.ready().send(0)
@@ -284,7 +271,8 @@ def test_what_cannot_be_set_is_refused_by_name_and_changes_nothing(
 
 
 def test_every_scalar_and_no_prose_is_a_parameter(stage: Stage) -> None:
-    names = set(Client(stage).call("list_parameters", ListParameters).result.names)
+    listed = stage.partner.call(stage.ros, "controller/list_parameters", ListParameters)
+    names = set(listed.result.names)
     assert {"mode", "duration_s", "controller.gain", "reference.frequency_hz"} <= names
     assert not {"title", "description", "name"} & names
 

@@ -9,7 +9,7 @@ import pytest
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
 from own_slots import cart_file
-from ros_fixtures import Ros
+from ros_fixtures import JOINT_STATE, Ros
 
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.outcome import Outcome
@@ -27,7 +27,6 @@ ACTIVATE, DEACTIVATE = Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_DEA
 SHUTDOWN_UNCONFIGURED = Transition.TRANSITION_UNCONFIGURED_SHUTDOWN
 SHUTDOWN_ACTIVE = Transition.TRANSITION_ACTIVE_SHUTDOWN
 KINDS: dict[str, Any] = {"plant": PlantNode, "controller": ControllerNode, "reference": ReferenceNode}
-STATE = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
 
 
 class Manager:
@@ -36,16 +35,10 @@ class Manager:
     def __init__(self, ros: Ros, kind: str) -> None:
         self._ros = ros
         self._partner = ros.partner(f"manager_of_{kind}")
-        self._node = f"/skydiver/{kind}"
-        self._clients: dict[str, Any] = {}
+        self._node = kind
 
     def call(self, service: str, kind: Any, **fields: Any) -> Any:
-        if service not in self._clients:
-            self._clients[service] = self._partner.create_client(kind, f"{self._node}/{service}")
-            self._ros.spin_until(self._clients[service].service_is_ready)
-        future = self._clients[service].call_async(kind.Request(**fields))
-        self._ros.spin_until(future.done)
-        return future.result()
+        return self._partner.call(self._ros, f"{self._node}/{service}", kind, **fields)
 
     def state(self) -> str:
         return str(self.call("get_state", GetState).current_state.label)
@@ -65,7 +58,7 @@ class Stage:
         self.ros = ros
         self.given = {"scenario": cart_file(folder), **settings}
         self.spectator = ros.partner("spectator")
-        self.states = self.spectator.receive(STATE)
+        self.states = self.spectator.receive(JOINT_STATE)
         self.outcomes = self.spectator.receive(topics.OUTCOME)
 
     def add(self, kind: str, **settings: object) -> Any:
@@ -150,7 +143,7 @@ def test_a_command_that_comes_in_a_pause_is_used_after_it(ros: Ros, tmp_path: Pa
     plant = stage.add("plant")
     partner = ros.partner("own_controller")
     commands = partner.publisher(topics.COMMAND)
-    partner.receive(STATE)
+    partner.receive(JOINT_STATE)
     ros.spin_until(lambda: plant.k == 0)
     manager = Manager(ros, "plant")
     assert manager.transition(DEACTIVATE)
@@ -170,7 +163,7 @@ def test_a_run_that_is_shut_down_or_cleaned_up_is_aborted(ros: Ros, tmp_path: Pa
     plant = stage.add("plant")
     partner = ros.partner("own_controller")
     partner.publisher(topics.COMMAND)
-    partner.receive(STATE)
+    partner.receive(JOINT_STATE)
     ros.spin_until(lambda: plant.k == 0)
     manager = Manager(ros, "plant")
     transitions = (DEACTIVATE, CLEANUP) if pause else (SHUTDOWN_ACTIVE,)

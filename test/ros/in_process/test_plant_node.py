@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from own_slots import CART, cart_file
-from ros_fixtures import Partner, Ros
+from ros_fixtures import JOINT_STATE, Partner, Ros
 
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.messages import read_outcome, run_id_of
@@ -17,7 +17,6 @@ from skydiver_utc.nodes.diagnostics import Level
 from skydiver_utc.nodes.plant_node import PlantNode
 
 pytest_plugins = ("ros_fixtures",)
-STATE = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
 
 
 class Stage:
@@ -29,7 +28,7 @@ class Stage:
         self.plant: PlantNode = ros.add(PlantNode(ros.context, given))
         self.partner: Partner = ros.partner("own_controller")
         self.commands = self.partner.publisher(topics.COMMAND)
-        self.states = self.partner.receive(STATE)
+        self.states = self.partner.receive(JOINT_STATE)
         self.applied = self.partner.receive(topics.APPLIED_COMMAND)
         self.outcomes = self.partner.receive(topics.OUTCOME)
 
@@ -126,12 +125,12 @@ def test_it_begins_only_when_the_node_that_commands_is_subscribed_to_the_state(
     ros: Ros, tmp_path: Path
 ) -> None:
     plant = ros.add(PlantNode(ros.context, {"scenario": cart_file(tmp_path)}))
-    ros.partner("spectator").receive(STATE)
+    ros.partner("spectator").receive(JOINT_STATE)
     controller = ros.partner("own_controller")
     controller.publisher(topics.COMMAND)
     ros.spin_for(0.5)
     assert plant.k == -1
-    controller.receive(STATE)
+    controller.receive(JOINT_STATE)
     ros.spin_until(lambda: plant.k == 0)
 
 
@@ -139,7 +138,7 @@ def test_it_waits_for_the_recorder_where_asked_to(ros: Ros, tmp_path: Path) -> N
     stage = Stage(ros, tmp_path, wait_for_recorder=True)
     recorder = ros.partner("own_recorder")
     for topic in topics.RECORDED:
-        recorder.receive(STATE if topic is topics.STATE else topic)
+        recorder.receive(JOINT_STATE if topic is topics.STATE else topic)
     ros.spin_for(0.3)
     assert stage.plant.k == -1
     recorder.publisher(topics.RECORDER_READY).publish(topics.RECORDER_READY.type(data="here"))
@@ -196,6 +195,6 @@ def test_a_mishap_is_the_outcome_of_a_run_that_goes_on(ros: Ros, tmp_path: Path)
         command.header.stamp = message.header.stamp
         commands.publish(command)
 
-    partner.receive(STATE, answer)
+    partner.receive(JOINT_STATE, answer)
     ros.spin_until(lambda: plant.done)
     assert (plant.outcome, plant.k, plant.close()) == (Outcome.ROLLED_OVER, 2, 0)

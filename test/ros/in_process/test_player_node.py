@@ -10,7 +10,7 @@ from own_slots import cart_file
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from recorded import Bag, assert_complete, assert_equals_simulation
-from ros_fixtures import Partner, Ros
+from ros_fixtures import JOINT_STATE, Partner, Ros
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
@@ -22,7 +22,7 @@ from skydiver_utc.nodes.plant_node import PlantNode
 from skydiver_utc.nodes.player_node import PlayerNode
 from skydiver_utc.nodes.recorder_node import RecorderNode
 from skydiver_utc.nodes.reference_node import ReferenceNode
-from skydiver_utc.nodes.topics import RECORDED, STATE_TYPES, Topic
+from skydiver_utc.nodes.topics import RECORDED, Topic
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.metadata import offered_qos
@@ -33,8 +33,7 @@ from skydiver_utc.recording.writer import BagWriter
 pytest_plugins = ("ros_fixtures",)
 
 DEPTH = 5000
-STATE = topics.STATE.of_type(STATE_TYPES["joint_state"])
-OF_CART = tuple(STATE if topic is topics.STATE else topic for topic in RECORDED)
+OF_CART = tuple(JOINT_STATE if topic is topics.STATE else topic for topic in RECORDED)
 
 
 def record(ros: Ros, folder: Path) -> Path:
@@ -112,7 +111,7 @@ def test_latched_messages_are_latched_again(ros: Ros, tmp_path: Path) -> None:
     run = record(ros, tmp_path)
     node = player(ros, run, rate=1000.0, start_s=0.3)
     ros.spin_until(lambda: node.finished)
-    late = Audience(ros, (topics.SCENARIO, topics.OUTCOME, topics.REFERENCE_PREVIEW, STATE))
+    late = Audience(ros, (topics.SCENARIO, topics.OUTCOME, topics.REFERENCE_PREVIEW, JOINT_STATE))
     recorded = read_bag(run)
     latched = ("/skydiver/scenario", "/skydiver/outcome", "/skydiver/reference")
     ros.spin_until(lambda: late.count >= sum(len(recorded[name]) for name in latched))
@@ -142,7 +141,7 @@ def test_start_and_topics_choose_what_is_played(ros: Ros, tmp_path: Path) -> Non
 
 def test_a_loop_begins_again(ros: Ros, tmp_path: Path) -> None:
     run = record(ros, tmp_path)
-    audience = Audience(ros, (STATE,))
+    audience = Audience(ros, (JOINT_STATE,))
     node = player(ros, run, rate=20.0, loop=True)
     states = read_bag(run)["/skydiver/state"].cdr
     ros.spin_until(lambda: audience.count > 2 * len(states))

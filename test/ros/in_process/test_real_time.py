@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from own_slots import cart_file
-from ros_fixtures import Ros
+from ros_fixtures import JOINT_STATE, Ros
 
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.real_time import CommandAccount, Neutral, RealTimePace
@@ -157,7 +157,7 @@ class Stage:
     def own_controller(self, then: Callable[[Any, Any], None]) -> None:
         """A partner that commands: `then(state, commands)` for each state."""
         commands = self.partner.publisher(topics.COMMAND)
-        state = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
+        state = JOINT_STATE
         self.partner.receive(state, lambda message: then(message, commands))
 
     def outcome(self) -> dict[str, Any]:

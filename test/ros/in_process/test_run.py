@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 from own_slots import CART, cart_file
-from ros_fixtures import Partner, Ros, Spectator, overrides
+from ros_fixtures import JOINT_STATE, Ros, Spectator, overrides
 
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
-from skydiver_utc.messages import read_named, read_odometry, read_outcome, read_preview, run_id_of
+from skydiver_utc.messages import read_named, read_outcome, read_preview, read_state, run_id_of
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.controller_node import ControllerNode
 from skydiver_utc.nodes.plant_node import PlantNode
@@ -48,8 +48,7 @@ def assert_named(messages: list[object], names: tuple[str, ...], values: np.ndar
 
 def assert_equal(plant: PlantNode, spectator: Spectator, run: Run) -> None:
     received, names = spectator.received, run.plant.control_names
-    read = read_odometry if run.plant.state_message == "odometry" else None
-    states = [read(m) if read else read_named(m, run.plant.state_names) for m in received[topics.STATE]]
+    states = [read_state(message, run.plant.state_names) for message in received[topics.STATE]]
     assert np.array(states).tobytes() == run.states.tobytes()
     assert_named(received[topics.COMMAND], names, run.commands)
     assert_named(received[topics.APPLIED_COMMAND], names, run.applied)
@@ -80,22 +79,18 @@ def test_the_skydiver_flies_as_in_process(ros: Ros) -> None:
 
 
 def test_a_plant_and_a_controller_of_ones_own_run_as_in_process(ros: Ros, tmp_path: Path) -> None:
+    """And every step of the reference is previewed."""
     path = cart_file(tmp_path)
-    plant, spectator = fly(ros, {"scenario": path}, topics.STATE.of_type(topics.STATE_TYPES["joint_state"]))
-    assert_equal(plant, spectator, simulate(load_scenario(path)))
-    assert not spectator.received[topics.JOINT_STATES]
-
-
-def test_every_step_of_the_reference_is_previewed(ros: Ros, tmp_path: Path) -> None:
-    path = cart_file(tmp_path)
-    plant, spectator = fly(ros, {"scenario": path}, topics.STATE.of_type(topics.STATE_TYPES["joint_state"]))
+    plant, spectator = fly(ros, {"scenario": path}, JOINT_STATE)
     run = simulate(load_scenario(path))
+    assert_equal(plant, spectator, run)
+    assert not spectator.received[topics.JOINT_STATES]
     previews = [
         read_preview(m, plant.grid, run.tracked_names) for m in spectator.received[topics.REFERENCE_PREVIEW]
     ]
     values = {k0 + i: row for k0, rows in previews for i, row in enumerate(rows)}
-    told = np.array([values[k] for k in range(len(run.states))])
-    assert told.tobytes() == run.reference.tobytes()
+    previewed = np.array([values[k] for k in range(len(run.states))])
+    assert previewed.tobytes() == run.reference.tobytes()
 
 
 def test_a_plant_that_leaves_its_model_ends_the_run(ros: Ros, tmp_path: Path) -> None:
@@ -106,22 +101,3 @@ def test_a_plant_that_leaves_its_model_ends_the_run(ros: Ros, tmp_path: Path) ->
     ros.spin_until(lambda: plant.done)
     assert plant.outcome is Outcome.DIVERGED
     assert plant.close() == 1
-
-
-def test_names_of_a_command_come_in_any_order(ros: Ros, tmp_path: Path) -> None:
-    given = {"scenario": cart_file(tmp_path)}
-    plant = ros.add(PlantNode(ros.context, given))
-    partner: Partner = ros.partner()
-    state = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
-    applied = partner.receive(topics.APPLIED_COMMAND)
-    publisher = partner.publisher(topics.COMMAND)
-
-    def answer(message: object) -> None:
-        command = topics.COMMAND.type(name=["brake", "force"], position=[0.5, 2.0])
-        command.header.stamp = message.header.stamp  # type: ignore[attr-defined]
-        publisher.publish(command)
-
-    partner.receive(state, answer)
-    ros.spin_until(lambda: plant.done and applied)
-    assert list(applied[0].name) == ["force", "brake"]
-    assert list(applied[0].position) == [2.0, 0.5]

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from own_slots import CART, cart_file
-from ros_fixtures import Ros
+from ros_fixtures import JOINT_STATE, Ros
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.controller_node import ControllerNode
@@ -53,7 +53,7 @@ def fly(ros: Ros, path: str, state: topics.Topic, **settings: object) -> tuple[V
 
 
 def test_states_with_names_in_any_order_are_answered_with_their_own_stamps(ros: Ros, tmp_path: Path) -> None:
-    state = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
+    state = JOINT_STATE
     clock = ros.partner("clock")
     vehicle, controller = fly(ros, cart_file(tmp_path), state)
     sent = {stamp_ns(message.header.stamp) for message in vehicle.sent}
@@ -77,7 +77,7 @@ def test_an_odometry_in_other_frames_is_taken_and_its_quaternion_normalised(ros:
 def test_the_command_comes_in_the_message_that_the_vehicle_takes(
     ros: Ros, tmp_path: Path, command_message: str
 ) -> None:
-    state = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
+    state = JOINT_STATE
     components = {"command_components": ["linear.x", "angular.z"]} if command_message == "twist" else {}
     vehicle, _ = fly(ros, cart_file(tmp_path), state, command_message=command_message, **components)
     last = vehicle.commands[-1]
@@ -86,7 +86,7 @@ def test_the_command_comes_in_the_message_that_the_vehicle_takes(
 
 
 def test_the_clock_is_published_where_asked_for(ros: Ros, tmp_path: Path) -> None:
-    state = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
+    state = JOINT_STATE
     clocks = ros.partner("clock").receive(topics.CLOCK)
     vehicle, _ = fly(ros, cart_file(tmp_path), state, publish_clock=True)
     ros.spin_until(lambda: clocks)

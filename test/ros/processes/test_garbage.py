@@ -9,7 +9,7 @@ from pathlib import Path
 import own_slots
 import pytest
 from own_slots import cart_file
-from ros_fixtures import Processes, Ros
+from ros_fixtures import JOINT_STATE, Processes, Ros
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.recording.recovery import survey
@@ -34,7 +34,7 @@ def test_random_bytes_on_every_topic_stop_no_node(ros: Ros, processes: Processes
         processes.start("plant", waiting | {"command_timeout_s": 0.5, "command_retries": 1000}),
     ]
     partner = ros.partner("garbage")
-    state = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
+    state = JOINT_STATE
     states = partner.receive(state)
     ros.spin_until(lambda: len(states) > 100)
     draw = random.Random(4)

@@ -12,7 +12,7 @@ import numpy as np
 import own_slots
 import pytest
 from own_slots import cart_file
-from ros_fixtures import Processes, Ros, Spectator
+from ros_fixtures import JOINT_STATE, Processes, Ros, Spectator
 
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.messages import read_named, read_outcome
@@ -21,7 +21,6 @@ from skydiver_utc.nodes.process import REFUSED
 from skydiver_utc.parameters import load_scenario
 
 pytest_plugins = ("ros_fixtures",)
-STATE = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
 
 
 class Stage:
@@ -31,7 +30,7 @@ class Stage:
         shutil.copy(own_slots.__file__, folder)
         self.ros, self._processes = ros, processes
         self.given: dict[str, Any] = {"scenario": cart_file(folder), "duration_s": 20.0}
-        self.spectator = ros.add(Spectator(ros.context, STATE))
+        self.spectator = ros.add(Spectator(ros.context, JOINT_STATE))
         self.states = self.spectator.received[topics.STATE]
         self.commands = self.spectator.received[topics.COMMAND]
         self.changes = self.spectator.received[topics.CHANGES]

@@ -10,8 +10,8 @@ from click.testing import CliRunner
 from skydivers import skydiver
 
 from skydiver_utc.cli.main import main
-from skydiver_utc.cli.reachable import fast_turn, reachable_amplitude, tracked
 from skydiver_utc.parameters.loading import config_folder
+from skydiver_utc.studies.reachable import fast_turn, reachable_amplitude, tracked
 
 SUBJECTS = sorted(path.stem for path in (config_folder() / "subjects").glob("*.yaml"))
 SUITS = sorted(path.stem for path in (config_folder() / "suits").glob("*.yaml"))
@@ -86,7 +86,7 @@ def test_the_damping_of_the_fast_turn_is_the_same_in_every_suit():
 
 
 def test_trim_prints_the_amplitude_if_asked(monkeypatch):
-    monkeypatch.setattr("skydiver_utc.cli.reachable.tracked", lambda turn, _: "240" not in turn.name)
+    monkeypatch.setattr("skydiver_utc.studies.reachable.tracked", lambda turn, _: "240" not in turn.name)
 
     def trim(*arguments):
         return json.loads(CliRunner().invoke(main, ["trim", "--json", *arguments]).stdout)
