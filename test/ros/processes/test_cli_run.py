@@ -17,13 +17,7 @@ from child_processes import children
 from own_slots import CART, cart_file
 from recorded import Bag, assert_complete, assert_equals_simulation
 
-from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.node_processes import NODE_CODE, PACKAGE_FOLDER
-from skydiver_utc.cli.planned_runs import planned_runs
-from skydiver_utc.cli.ros_environment import free_domain, node_environment
-from skydiver_utc.nodes.discovery import PROFILE, RANGE
-from skydiver_utc.parameters import ParameterError
-from skydiver_utc.parameters.run_folder import new_run_folder
 from skydiver_utc.recording.metadata import message_count
 from skydiver_utc.recording.recovery import recover
 
@@ -193,23 +187,6 @@ def test_a_node_that_fails_is_named_with_its_reason(command: Command, tmp_path: 
     assert "rmw_of_nobody" in stderr
 
 
-def test_runs_are_named_and_have_a_folder_each(tmp_path: Path) -> None:
-    (alone,) = planned_runs(["slow_turn_pose_only"], [], tmp_path, None)
-    assert (alone.name, alone.folder.parent, alone.module_folder) == ("skydiver", tmp_path, None)
-    both = planned_runs(["slow_turn_pose_only", f"b={cart_file(tmp_path)}"], [], tmp_path, tmp_path / "run")
-    assert [(run.name, run.scenario.name, run.folder, run.module_folder) for run in both] == [
-        ("skydiver", "slow_turn_pose_only", tmp_path / "run" / "skydiver", None),
-        ("b", "cart", tmp_path / "run" / "b", tmp_path),
-    ]
-
-
-def test_two_runs_of_one_name_and_a_folder_that_exists_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(CommandError, match="called a"):
-        planned_runs(["a=turn_360_left", "a=turn_360_right"], [], tmp_path, None)
-    with pytest.raises(CommandError, match=str(tmp_path)):
-        planned_runs(["turn_360_left"], [], tmp_path, tmp_path)
-
-
 def test_nodes_do_not_import_from_the_current_folder(tmp_path: Path) -> None:
     """Neither a file named like a library, nor one named like this package."""
     (tmp_path / "yaml.py").write_text("raise RuntimeError('from the current folder')")
@@ -224,53 +201,3 @@ def test_nodes_do_not_import_from_the_current_folder(tmp_path: Path) -> None:
     )
     assert finished.returncode == 0, finished.stderr
     assert "scenario" in finished.stdout
-
-
-def test_run_folders_of_one_second_have_different_names(tmp_path: Path) -> None:
-    first = new_run_folder(tmp_path, "a b")
-    first.mkdir()
-    second = new_run_folder(tmp_path, "a b")
-    assert first.name.endswith("Z_a_b")
-    assert first != second
-
-
-def test_nodes_stay_on_this_machine_and_on_a_domain_of_their_own() -> None:
-    environment = node_environment({"PATH": "/bin"})
-    assert environment[RANGE] == "LOCALHOST"
-    assert 1 <= int(environment["ROS_DOMAIN_ID"]) <= 101
-    assert "heartbeatPeriod" in Path(environment[PROFILE]).read_text(encoding="utf-8")
-
-
-def test_the_callers_environment_is_kept() -> None:
-    given = {"ROS_DOMAIN_ID": "7", RANGE: "SUBNET", "LD_LIBRARY_PATH": "/opt/ros/lib", PROFILE: "/mine.xml"}
-    environment = node_environment(given)
-    assert {name: environment[name] for name in given} == given
-    assert node_environment({"ROS_DOMAIN_ID": "232"})["ROS_DOMAIN_ID"] == "232"
-
-
-@pytest.mark.parametrize("domain", ["900", "233", "abc", "-1", "1.5", "²"])
-def test_an_impossible_domain_is_named(domain: str) -> None:
-    with pytest.raises(CommandError) as raised:
-        node_environment({"ROS_DOMAIN_ID": domain})
-    assert repr(domain) in str(raised.value)
-    assert "232" in str(raised.value)
-
-
-def test_an_unknown_discovery_range_is_refused() -> None:
-    with pytest.raises(ParameterError, match="SUBNET"):
-        node_environment({RANGE: "subnet"})
-
-
-def test_the_libraries_of_another_environment_are_not_handed_on() -> None:
-    given = {
-        "ROS_DOMAIN_ID": "7",
-        "_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1",
-        "LD_LIBRARY_PATH": "/a/site-packages/ros_rcl.libs:/mine",
-    }
-    environment = node_environment(given)
-    assert environment["LD_LIBRARY_PATH"] == "/mine"
-    assert "_ROS_WHEELS_BOOTSTRAP_COMPLETE" not in environment
-
-
-def test_a_free_domain_is_in_the_range_without_ephemeral_ports() -> None:
-    assert free_domain() in range(1, 102)

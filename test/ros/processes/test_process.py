@@ -38,6 +38,19 @@ def test_once_the_node_runs_a_signal_is_only_noted(stop: StopRequest, number: si
     assert stop.requested
 
 
+def test_the_help_of_every_node_needs_neither_rclpy_nor_numba() -> None:
+    program = (
+        "import sys\n"
+        "from skydiver_utc.nodes import process\n"
+        "for kind in ('plant', 'reference', 'controller', 'recorder', 'player'):\n"
+        "    getattr(process, f'{kind}_node')(['node', '--help'])\n"
+        "print({'rclpy', 'numba', 'numpy'} & set(sys.modules), file=sys.stderr)\n"
+    )
+    found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert found.stderr == "set()\n"
+    assert found.stdout.count("usage: ") == 5
+
+
 @pytest.mark.parametrize("kind", ["plant", "recorder"])
 def test_a_help_text_whose_reader_has_gone_is_no_error(kind: str) -> None:
     reader, writer = os.pipe()

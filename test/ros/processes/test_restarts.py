@@ -4,7 +4,6 @@
 import json
 import shutil
 import signal
-import time
 from pathlib import Path
 from typing import Any
 
@@ -132,15 +131,6 @@ def test_a_plant_that_is_interrupted_ends_the_run_and_exits_with_0(
     stage.nodes["plant"].signal(number)
     assert stage.nodes["plant"].wait() == 0
     assert stage.outcome()["outcome"] == "aborted"
-
-
-@pytest.mark.parametrize("kind", ["plant", "reference", "controller", "recorder"])
-def test_help_needs_no_rclpy_and_comes_at_once(kind: str, processes: Processes) -> None:
-    began = time.monotonic()
-    node = processes.start(kind, {}, "--help")
-    assert node.wait() == 0
-    assert "scenario" in node.output
-    assert time.monotonic() - began < 30.0
 
 
 def test_a_bad_parameter_ends_the_process_with_its_name(processes: Processes) -> None:

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `skydiver-utc run` decides before it starts a node: names, folders, and the environment of the nodes."""
+
+from pathlib import Path
+
+import pytest
+from own_slots import cart_file
+
+from skydiver_utc.cli.errors import CommandError
+from skydiver_utc.cli.planned_runs import planned_runs
+from skydiver_utc.cli.ros_environment import free_domain, node_environment
+from skydiver_utc.nodes.discovery import PROFILE, RANGE
+from skydiver_utc.parameters import ParameterError
+from skydiver_utc.parameters.run_folder import new_run_folder
+
+
+def test_runs_are_named_and_have_a_folder_each(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (alone,) = planned_runs(["slow_turn_pose_only"], [], None)
+    assert (alone.name, alone.folder.parent, alone.module_folder) == ("skydiver", Path("bags"), None)
+    both = planned_runs(["slow_turn_pose_only", f"b={cart_file(tmp_path)}"], [], tmp_path / "run")
+    assert [(run.name, run.scenario.name, run.folder, run.module_folder) for run in both] == [
+        ("skydiver", "slow_turn_pose_only", tmp_path / "run" / "skydiver", None),
+        ("b", "cart", tmp_path / "run" / "b", tmp_path),
+    ]
+
+
+def test_two_runs_of_one_name_and_a_folder_that_exists_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(CommandError, match="called a"):
+        planned_runs(["a=turn_360_left", "a=turn_360_right"], [], tmp_path / "run")
+    with pytest.raises(CommandError, match=str(tmp_path)):
+        planned_runs(["turn_360_left"], [], tmp_path)
+
+
+def test_run_folders_of_one_second_have_different_names(tmp_path: Path) -> None:
+    first = new_run_folder(tmp_path, "a b")
+    first.mkdir()
+    second = new_run_folder(tmp_path, "a b")
+    assert first.name.endswith("Z_a_b")
+    assert first != second
+
+
+def test_nodes_stay_on_this_machine_and_on_a_free_domain_below_the_ephemeral_ports() -> None:
+    environment = node_environment({"PATH": "/bin"})
+    assert environment[RANGE] == "LOCALHOST"
+    assert int(environment["ROS_DOMAIN_ID"]) in range(1, 102)
+    assert free_domain() in range(1, 102)
+    assert "heartbeatPeriod" in Path(environment[PROFILE]).read_text(encoding="utf-8")
+
+
+def test_the_callers_environment_is_kept_but_for_the_libraries_of_another_one() -> None:
+    given = {"ROS_DOMAIN_ID": "232", RANGE: "SUBNET", PROFILE: "/mine.xml", "LD_LIBRARY_PATH": "/opt/ros/lib"}
+    assert given.items() <= node_environment(given).items()
+    given |= {"_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1", "LD_LIBRARY_PATH": "/a/site-packages/ros_rcl.libs:/mine"}
+    environment = node_environment(given)
+    assert environment["LD_LIBRARY_PATH"] == "/mine"
+    assert "_ROS_WHEELS_BOOTSTRAP_COMPLETE" not in environment
+
+
+@pytest.mark.parametrize("domain", ["900", "233", "abc", "-1", "1.5", "²"])
+def test_an_impossible_domain_is_named(domain: str) -> None:
+    with pytest.raises(CommandError) as raised:
+        node_environment({"ROS_DOMAIN_ID": domain})
+    assert repr(domain) in str(raised.value)
+    assert "232" in str(raised.value)
+
+
+def test_an_unknown_discovery_range_is_refused() -> None:
+    with pytest.raises(ParameterError, match="SUBNET"):
+        node_environment({RANGE: "subnet"})
