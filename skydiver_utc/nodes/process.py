@@ -14,8 +14,8 @@ from functools import partial
 from types import FrameType
 
 from skydiver_utc.nodes import discovery
-from skydiver_utc.nodes.usage import usage
 from skydiver_utc.parameters.errors import ParameterError
+from skydiver_utc.parameters.node_usage import usage
 
 REFUSED = 2  # the exit code of a node that cannot take part
 _LOOK_S = 1.5  # discovery takes this long, on a busy machine longer

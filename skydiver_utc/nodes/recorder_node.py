@@ -72,14 +72,11 @@ class RecorderNode(ScenarioNode):
         self._run = self._new_run()
         self._waiting.clear()
         self.failure, self.not_recorded, self.done, self._disk_is_slow = "", 0, False, False
-        self._bag = BagWriter(self.folder, _FLUSH_INTERVAL_S, _QUEUE_LIMIT_BYTES)
-        try:
-            self._write_beside_bag(SCENARIO_FILE, to_yaml(self.scenario))
-            self._write_beside_bag(VERSIONS_FILE, json.dumps(versions(), indent=2) + "\n")
-        except RecordingError:
-            self._bag.close()
-            self._bag = None
-            raise
+        beside = {
+            SCENARIO_FILE: to_yaml(self.scenario),
+            VERSIONS_FILE: json.dumps(versions(), indent=2) + "\n",
+        }
+        self._bag = BagWriter(self.folder, _FLUSH_INTERVAL_S, _QUEUE_LIMIT_BYTES, beside)
         self._inputs = [RecorderInput(self, topic) for topic in RECORDED]
         for each in self._inputs:
             self._add_to_bag(each)
@@ -302,14 +299,6 @@ class RecorderNode(ScenarioNode):
         for each in self._inputs:
             for sentence in each.wrong_types():
                 self.get_logger().error(sentence)
-
-    def _write_beside_bag(self, name: str, text: str) -> None:
-        try:
-            (self.folder / name).write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise RecordingError(
-                f"{self.folder / name} cannot be written ({error.strerror}): make room"
-            ) from error
 
 
 main = partial(run, topics.RECORDER)

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections import deque
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
@@ -32,11 +33,16 @@ class BagWriter:
     """
 
     def __init__(
-        self, folder: Path, flush_interval_s: float = 0.5, queue_limit_bytes: int | None = None
+        self,
+        folder: Path,
+        flush_interval_s: float = 0.5,
+        queue_limit_bytes: int | None = None,
+        beside: Mapping[str, str] | None = None,
     ) -> None:
         """Create the folder and its missing parents; a folder that exists raises `RecordingError`.
 
-        Messages beyond `queue_limit_bytes` in the queue are dropped and counted in `dropped`.
+        Messages beyond `queue_limit_bytes` in the queue are dropped and counted in `dropped`. `beside`: further files
+        of the folder, names and texts.
         """
         if not flush_interval_s > 0.0:
             raise RecordingError(f"The flush interval is {flush_interval_s} s: give one above 0 s.")
@@ -45,7 +51,7 @@ class BagWriter:
         self.dropped = 0
         self._flush_interval_s = flush_interval_s
         self._queue_limit_bytes = math.inf if queue_limit_bytes is None else queue_limit_bytes
-        self._stream = _create_bag(self.folder, self.mcap_path)
+        self._stream = _create_bag(self.folder, self.mcap_path, beside or {})
         self._mcap = McapFile(self._stream)
         self._topics: dict[str, int] = {}
         self._queue: deque[QueuedMessage] = deque()
@@ -165,12 +171,14 @@ def _use_normal_priority() -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
-def _create_bag(folder: Path, mcap_path: Path) -> BinaryIO:
+def _create_bag(folder: Path, mcap_path: Path, beside: Mapping[str, str]) -> BinaryIO:
     try:
         if folder.exists() or folder.is_symlink():
             raise RecordingError(f"{folder} exists already: choose another name, or move the old one away.")
         folder.parent.mkdir(parents=True, exist_ok=True)
         folder.mkdir()
+        for name, text in beside.items():
+            (folder / name).write_text(text, encoding="utf-8")
         return mcap_path.open("xb")
     except OSError as error:
         raise RecordingError(

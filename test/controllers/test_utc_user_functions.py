@@ -58,8 +58,7 @@ def test_a_point_beyond_what_a_function_covers_has_diverged_and_the_cause_is_tol
     assert_usable(result)
     assert (result.status, result.lost) == (Status.REPAIRED, 1)
     assert result.cause in result.sentence
-    name = "control_dynamics" if place == "dynamics" else place
-    assert result.cause.startswith(f"{name} raises ")
+    assert result.cause.startswith(f"{place} raises ")
     assert raised.partition(" jitted")[0] in result.cause
     assert drive.step([-0.2], -0.2).cause == ""
 
@@ -133,8 +132,7 @@ MISTAKES = {
 def test_every_other_error_is_one_sentence_that_names_the_function(kind, place):
     drive = controller(**with_one(place, lambda x: MISTAKES[kind](x) if x[0] > 5.5 else x), state=[0.0])
     assert_usable(drive.step([0.0], 0.1))
-    name = "control_dynamics" if place == "dynamics" else place
-    with pytest.raises(ValueError, match=rf"^{name} .*{kind}") as raised:
+    with pytest.raises(ValueError, match=rf"^{place} .*{kind}") as raised:
         drive.step([9.0], 0.1)
     assert type(raised.value.__cause__).__name__ == kind
     assert "\n" not in str(raised.value)
@@ -228,9 +226,9 @@ WRONG = [
     ({"output": 3}, "output must be a function"), ({"output": lambda x: x[5]}, "output .*IndexError"),
     ({"output": lambda x: "far"}, "output .*far"), ({"output": lambda x: None}, "output .*None"),
     ({"output": lambda x: np.zeros((2, 2))}, r"output .*\(2, 2\)"), ({"output": lambda x: np.nan}, "output .*finite"),
-    ({"dynamics": 3}, "control_dynamics must be a function"), ({"dynamics": lambda point: point}, "control_dynamics"),
-    ({"dynamics": lambda p, c, s, r, j: s}, r"control_dynamics .*\(2,\)"),
-    ({"dynamics": lambda p, c, s, r, j: None}, "control_dynamics .*None"),
+    ({"dynamics": 3}, "dynamics must be a function"), ({"dynamics": lambda point: point}, "dynamics"),
+    ({"dynamics": lambda p, c, s, r, j: s}, r"dynamics .*\(2,\)"),
+    ({"dynamics": lambda p, c, s, r, j: None}, "dynamics .*None"),
 ]  # fmt: skip
 
 

@@ -69,7 +69,7 @@ def of_user(
 
 def user_dynamics(given: Callable[..., Any], plant: Plant) -> Dynamics:
     """The user's control dynamics in the form of the roll-out; jitted if the plant is. Raises ValueError."""
-    name = "control_dynamics"
+    name = "dynamics"
     if not callable(given):
         raise ValueError(
             f"{name} must be a function (point, control, state, preview, j) -> control, not {given!r}."

@@ -48,9 +48,10 @@ def test_a_disk_that_runs_full_does_not_stop_the_run(
     folder = tmp_path / "run"
     given = {"scenario": cart_file(tmp_path), "duration_s": 8.0}
     recorder = ros.add(RecorderNode(ros.context, given | {"bag_folder": str(folder)}))
-    ros.add(ReferenceNode(ros.context, given))
-    ros.add(ControllerNode(ros.context, given | {"wait_for_recorder": True}))
-    plant = ros.add(PlantNode(ros.context, given | {"wait_for_recorder": True}))
+    waiting = given | {"wait_for_recorder": True}
+    ros.add(ReferenceNode(ros.context, waiting))
+    ros.add(ControllerNode(ros.context, waiting))
+    plant = ros.add(PlantNode(ros.context, waiting))
     ros.spin_until(lambda: plant.finished and recorder.finished)
     assert plant.outcome is Outcome.COMPLETED
     assert recorder.close() == 1

@@ -69,20 +69,13 @@ def test_a_loop_is_ended_by_ctrl_c(ros: Ros, domain: int, tmp_path: Path) -> Non
     assert "Traceback" not in stderr
 
 
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [(("--start", "5"), "start"), (("--topics", "/other"), "/other")],
-    ids=["start", "topic"],
-)
-def test_an_option_that_does_not_fit_the_recording_is_one_sentence(
-    domain: int, tmp_path: Path, arguments: tuple[str, ...], word: str
-) -> None:
-    process = start(domain, bag(tmp_path / "bag"), "--quiet", *arguments)
+def test_an_option_that_does_not_fit_the_recording_is_one_sentence(domain: int, tmp_path: Path) -> None:
+    process = start(domain, bag(tmp_path / "bag"), "--quiet", "--topics", "/other")
     _, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 2
     (line,) = stderr.splitlines()
     assert line.startswith("Error: ")
-    assert word in line
+    assert "/other" in line
 
 
 @pytest.mark.parametrize(

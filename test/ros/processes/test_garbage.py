@@ -30,7 +30,7 @@ def test_random_bytes_on_every_topic_stop_no_node(ros: Ros, processes: Processes
     nodes = [
         processes.start("recorder", given | {"bag_folder": tmp_path / "run"}),
         processes.start("controller", waiting),
-        processes.start("reference", given),
+        processes.start("reference", waiting),
         processes.start("plant", waiting | {"command_timeout_s": 0.5, "command_retries": 1000}),
     ]
     partner = ros.partner("garbage")

@@ -35,7 +35,7 @@ def test_four_processes_equal_the_simulation(processes: Processes, tmp_path: Pat
     folder, given = tmp_path / "bag", overrides(1.0)
     waiting = given | {"wait_for_recorder": True}
     recorder = processes.start("recorder", given | {"bag_folder": folder})
-    servers = [processes.start("controller", waiting), processes.start("reference", given)]
+    servers = [processes.start("controller", waiting), processes.start("reference", waiting)]
     plant = processes.start("plant", waiting | {"progress": True})
     assert plant.wait() == 0, plant.output
     assert recorder.wait() == 0, recorder.output
@@ -60,8 +60,8 @@ class Recorded:
         self.given: dict[str, object] = {"scenario": cart_file(folder), "duration_s": duration_s}
         self.folder = folder / "run"
         self.recorder = self.start_recorder(self.folder)
-        ros.add(ReferenceNode(ros.context, self.given))
         waiting = self.given | {"wait_for_recorder": True}
+        ros.add(ReferenceNode(ros.context, waiting))
         ros.add(ControllerNode(ros.context, waiting))
         self.plant: PlantNode = ros.add(PlantNode(ros.context, waiting))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The help text of a node, from its settings alone: without rclpy, numba or a scenario."""
+"""The help text of a node, from its settings alone."""
 
 from typing import Any
 
