@@ -13,18 +13,18 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 .PHONY: help install demo test test-fast kills lint bench bench-tools rivals-tools tools bench-ros study paper soak network clean
 
 help:
-	@echo "make demo      fly SCENARIO ($(SCENARIO)) over ROS and record it below bags/"
+	@echo "make demo      run SCENARIO ($(SCENARIO)) over ROS, recorded below bags/"
 	@echo "make test      all tests, on up to four cores; ARGS=... goes to pytest"
-	@echo "make test-fast  the tests that start no processes and take seconds"
-	@echo "make kills     kill the recorder 20 times in flight, count what is recovered"
+	@echo "make test-fast the tests that start no processes and take seconds"
+	@echo "make kills     kill the recorder 20 times during a run, count what is recovered"
 	@echo "make lint      ruff and mypy"
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
 	@echo "make rivals-tools fly CasADi, do-mpc and OSQP on the fast turn with their tuned costs; some ten minutes"
-	@echo "make bench-ros time a flight over four processes beside a bare rclpy loop of four; some three minutes"
+	@echo "make bench-ros time a run over four processes beside a bare rclpy loop of four; some three minutes"
 	@echo "make study     fly 4 x 500 random tunings again, into docs/paper; some ten minutes"
 	@echo "make paper     make all of docs/paper and docs/figures/tuning again, study included"
 	@echo "make soak      30 simulated minutes in lockstep, 10 minutes in real time: memory, losses, lateness"
-	@echo "make network   fly over two machines with a network between them that delays and loses; Linux, root"
+	@echo "make network   run over two machines with a network between them that delays and loses; Linux, root"
 	@echo "make install   only install into $(VENV)"
 	@echo "make clean     remove what builds and tests left behind; keeps $(VENV) and bags/"
 

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from skydiver_utc.analysis.numbers import finite, largest, root_mean_square, settled, time_of
 from skydiver_utc.analysis.skydiver import skydiver_metrics
-from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.loop.outcome import REACHED_THE_END
 from skydiver_utc.loop.run import Run
 
 SCHEMA_VERSION = 3
 CONVERGED_SHARE = 0.05
-FLOWN_TO_ITS_END = (Outcome.COMPLETED, Outcome.ROLLED_OVER)
 
 Floats = NDArray[np.float64]
 
@@ -105,7 +104,7 @@ def _of_output(run: Run, j: int) -> dict[str, Any]:
 def convergence_time(run: Run, j: int) -> float | None:
     """Time [s] from which on the error of the j-th output stays inside its band, None if it ends outside."""
     band = CONVERGED_SHARE * float(run.amplitude[j])
-    if run.error is None or band <= 0.0 or run.outcome not in FLOWN_TO_ITS_END:
+    if run.error is None or band <= 0.0 or run.outcome not in REACHED_THE_END:
         return None
     outside = np.flatnonzero(~(np.abs(run.error[:, j]) <= band))
     first = int(outside[-1]) + 1 if len(outside) else 0

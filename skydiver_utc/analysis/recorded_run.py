@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.errors import AnalysisError
-from skydiver_utc.analysis.metrics import FLOWN_TO_ITS_END
 from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows
-from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.loop.outcome import REACHED_THE_END, Outcome
 from skydiver_utc.loop.registry import build_plant, build_reference
 from skydiver_utc.loop.run import ParameterChange, Run
 from skydiver_utc.messages import (
@@ -78,7 +77,7 @@ class RecordedRun:
         applied = self._controls("applied_command")
         first = max(rows.first or 0 for rows in (states, commands, applied))
         end = self.scenario.steps
-        if outcome not in FLOWN_TO_ITS_END:
+        if outcome not in REACHED_THE_END:
             end = max(first, min(states.last, commands.last + 1, applied.last + 1))
         self._refuse_gaps("state", states, first, end + 1)
         self._refuse_gaps("command", commands, first, end)

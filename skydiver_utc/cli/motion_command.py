@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command that flies a path of measured postures."""
 
+import json
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
-import yaml
-
 from skydiver_utc.cli.settings import parse_setting
 from skydiver_utc.parameters import (
-    ParameterError,
     Posture,
     PosturePath,
     Scenario,
@@ -51,19 +49,8 @@ def settings_of(out: Path, start: Path, duration_s: float, nodes: int) -> list[s
 
 
 def _setting(name: str, text: str) -> str:
-    """NAME=TEXT, in quotes where YAML would read something else than the text: 1, on, a: b, a #1."""
-    plain = f"{name}={text}"
-    if _reads_as(plain, (name, text)):
-        return plain
-    quoted = yaml.safe_dump(text, default_style='"', allow_unicode=True, width=10**6).strip()
-    return f"{name}={quoted}"
-
-
-def _reads_as(setting: str, meant: tuple[str, str]) -> bool:
-    try:
-        return parse_setting(setting) == meant
-    except ParameterError:
-        return False
+    """NAME="TEXT": without quotes YAML reads some file names as something else than a text."""
+    return f"{name}={json.dumps(text, ensure_ascii=False)}"
 
 
 def scenario_of(scenario: str, settings: Sequence[str], path: PosturePath, start: Posture) -> Scenario:

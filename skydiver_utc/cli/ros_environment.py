@@ -25,7 +25,7 @@ def require_rclpy() -> None:
     if importlib.util.find_spec("rclpy") is None:
         raise CommandError(
             "this needs rclpy, which is not installed: source a ROS 2 Jazzy environment, install the ros"
-            " extra, or fly without ROS by `skydiver-utc simulate`"
+            " extra, or run the scenario without ROS by `skydiver-utc simulate`"
         )
 
 

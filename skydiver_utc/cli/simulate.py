@@ -4,11 +4,12 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from skydiver_utc.analysis.metrics import FLOWN_TO_ITS_END, metrics, to_json
+from skydiver_utc.analysis.metrics import metrics, to_json
 from skydiver_utc.cli.outputs import check_figure_path
 from skydiver_utc.cli.screen import run_progress, show_metrics
 from skydiver_utc.cli.settings import load
 from skydiver_utc.loop.closed_loop import simulate as run_scenario
+from skydiver_utc.loop.outcome import REACHED_THE_END
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters.exit_codes import FAILED
 
@@ -35,4 +36,4 @@ def simulate(scenario: str, settings: Sequence[str], figure: Path | None, as_jso
 
 def exit_code(run: Run) -> int:
     """0 for a run that reached its end."""
-    return 0 if run.outcome in FLOWN_TO_ITS_END else FAILED
+    return 0 if run.outcome in REACHED_THE_END else FAILED

@@ -86,7 +86,7 @@ def _names(letter: str, count: int) -> tuple[str, ...]:
     return tuple(f"{letter}{i}" for i in range(count))
 
 
-def distance_flown(
+def simulated_distance(
     plant: LinearModel,
     horizon_steps: int,
     Qu: Array,
@@ -113,7 +113,7 @@ def measured_decay(
     """
     wanted = np.log(_SHRUNK) / np.log(found.decay)
     steps = int(np.clip(wanted, _FEWEST_STEPS, _MOST_STEPS))
-    distances = distance_flown(plant, horizon_steps, Qu, P_err, found, found.slowest, steps)
+    distances = simulated_distance(plant, horizon_steps, Qu, P_err, found, found.slowest, steps)
     alive = distances > 0.0
     slope: float = np.polyfit(np.flatnonzero(alive), np.log(distances[alive]), 1)[0]
     return float(np.exp(slope))

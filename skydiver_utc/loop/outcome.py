@@ -21,6 +21,9 @@ class Outcome(str, Enum):
     ABORTED = "aborted"
 
 
+REACHED_THE_END = (Outcome.COMPLETED, Outcome.ROLLED_OVER)
+
+
 class OutcomeMonitor:
     """Watches the states of a run: a fault of the plant ends it, a mishap is recorded and the run continues."""
 

@@ -12,7 +12,7 @@ from typing import Any
 from rclpy.timer import Timer
 from std_msgs.msg import String
 
-from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.loop.outcome import REACHED_THE_END, Outcome
 from skydiver_utc.loop.plant_steps import PlantSteps
 from skydiver_utc.loop.real_time import CommandAccount, Neutral, RealTimePace
 from skydiver_utc.messages import MessageError, outcome_text, read_named, scenario_text
@@ -27,8 +27,7 @@ from skydiver_utc.parameters import to_yaml
 _PROGRESS_PERIOD_S = 0.5
 _LAST_ACKNOWLEDGEMENT_S = 10.0  # the subscribers may need what they missed a second time
 
-# The run went to its last step, or was stopped by the user.
-_EXIT_ZERO = (Outcome.COMPLETED, Outcome.ROLLED_OVER, Outcome.ABORTED)
+_EXIT_ZERO = (*REACHED_THE_END, Outcome.ABORTED)  # the last: stopped by the user
 
 
 class PlantNode(ScenarioNode):

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
 from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
-from skydiver_utc.loop.linear_loop import distance_flown, measured_decay
+from skydiver_utc.loop.linear_loop import measured_decay, simulated_distance
 from skydiver_utc.loop.registry import build_reference
 from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.parameters.linear_plant import load_linear_plant
@@ -170,7 +170,7 @@ def _of_ball(tuned: Tuned, found: Stability) -> dict[str, float] | None:
         size = float(np.linalg.norm(x))
         return tuned.nonlinearity * (x / size if size > 0.0 else np.eye(n)[0])
 
-    distances = distance_flown(
+    distances = simulated_distance(
         tuned.plant, tuned.horizon_steps, tuned.Qu, tuned.P_err, found, np.zeros(len(found.Z)), _PUSHED_STEPS,
         outwards,
     )  # fmt: skip
