@@ -40,7 +40,7 @@ _OPTIONS: Any = {
     "error_model": "numpy",
     "no_cfunc_wrapper": True,
 }
-_ROOMS_WITH_KERNELS = ("plants", "unscented", "controllers", "estimators", "disturbances")
+_ROOMS_WITH_KERNELS = ("body", "plants", "unscented", "controllers", "estimators", "disturbances")
 
 
 def kernel(function: _Function) -> _Function:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.body.segments import JOINTS, SEGMENTS, Body
+from skydiver_utc.jit import kernel
 from skydiver_utc.parameters import JointLimits, MovementPattern, ParameterError, Posture
 
 Array = NDArray[np.float64]
@@ -113,52 +114,109 @@ def _joint_rows(rows: dict[str, tuple[float, float, float]], what: str) -> Array
 
 def configuration(body: Body, angles: Array) -> Configuration:
     """Place the segments for joint angles (15, 3) in rad."""
-    joint_rotation = _euler_yzx(angles * _SIGNS)
-    rotation = np.empty((16, 3, 3))
-    proximal = np.zeros((16, 3))
-    rotation[0] = np.eye(3)
-    for i in range(1, 16):
-        parent = body.parent[i]
-        rotation[i] = rotation[parent] @ joint_rotation[i - 1]
-        proximal[i] = proximal[parent] + rotation[parent] @ body.joint[i]
-    centre = proximal + np.einsum("ijk,ik->ij", rotation, body.centre)
-    centre_of_mass = body.mass @ centre / body.mass.sum()
-    centre -= centre_of_mass
-    proximal -= centre_of_mass
-    own = np.einsum("ijk,ik,ilk->jl", rotation, body.inertia, rotation)
-    square = np.einsum("i,ij,ij->", body.mass, centre, centre)
-    inertia = own + square * np.eye(3) - np.einsum("i,ij,ik->jk", body.mass, centre, centre)
+    n = len(SEGMENTS)
+    rotation, inertia, centre_of_mass = np.empty((n, 3, 3)), np.empty((3, 3)), np.empty(3)
+    proximal, centre = np.empty((n, 3)), np.empty((n, 3))
+    place(body, angles, rotation, proximal, centre, centre_of_mass)
+    inertia_of(body, rotation, centre, inertia)
     return Configuration(centre, rotation, inertia, proximal, centre_of_mass)
 
 
-def motion(body: Body, placed: Configuration, angles: Array, rates: Array) -> tuple[Array, Array]:
-    """Velocities (16, 3) [m/s] of the segments against the centre of mass, and their turning (16, 3) [rad/s].
-
-    For joint angles (15, 3) [rad] that change at `rates` (15, 3) [rad/s], in pelvis axes, the pelvis at rest.
-    """
-    signed, signed_rates = angles * _SIGNS, rates * _SIGNS
-    turning, joint_velocity = np.zeros((16, 3)), np.zeros((16, 3))
-    for i in range(1, 16):
+@kernel
+def place(
+    body: Body, angles: Array, rotation: Array, proximal: Array, centre: Array, centre_of_mass: Array
+) -> None:
+    """The arrays of `Configuration` but for the inertia, for joint angles (15, 3) in rad."""
+    n, total, own = len(body.mass), 0.0, np.empty((3, 3))
+    for j in range(3):
+        centre_of_mass[j] = 0.0
+    for i in range(n):
         parent = body.parent[i]
-        (about_y, about_z, _), (rate_y, rate_z, rate_x) = signed[i - 1], signed_rates[i - 1]
-        cy, sy, cz, sz = np.cos(about_y), np.sin(about_y), np.cos(about_z), np.sin(about_z)
-        axis_z, axis_x = np.array([sy, 0.0, cy]), np.array([cy * cz, sz, -sy * cz])
-        own = np.array([0.0, rate_y, 0.0]) + rate_z * axis_z + rate_x * axis_x
-        turning[i] = turning[parent] + placed.rotation[parent] @ own
-        arm = placed.proximal[i] - placed.proximal[parent]
-        joint_velocity[i] = joint_velocity[parent] + np.cross(turning[parent], arm)
-    velocity = joint_velocity + np.cross(turning, placed.centre - placed.proximal)
-    return velocity - body.mass @ velocity / body.mass.sum(), turning
+        total += body.mass[i]
+        if parent >= 0:
+            _turn_yzx(angles[i - 1], _SIGNS[i - 1], own)
+        for j in range(3):
+            proximal[i, j] = 0.0 if parent < 0 else proximal[parent, j]
+            for k in range(3):
+                rotation[i, j, k] = 1.0 if parent < 0 and j == k else 0.0
+                if parent >= 0:
+                    proximal[i, j] += rotation[parent, j, k] * body.joint[i, k]
+                    for m in range(3):
+                        rotation[i, j, k] += rotation[parent, j, m] * own[m, k]
+            centre[i, j] = proximal[i, j]
+            for k in range(3):
+                centre[i, j] += rotation[i, j, k] * body.centre[i, k]
+            centre_of_mass[j] += body.mass[i] * centre[i, j]
+    for j in range(3):
+        centre_of_mass[j] /= total
+        for i in range(n):
+            centre[i, j] -= centre_of_mass[j]
+            proximal[i, j] -= centre_of_mass[j]
 
 
-def _euler_yzx(angles: Array) -> Array:
-    """Rotations (n, 3, 3) about y, then the turned z, then the turned x, for angles (n, 3) in rad."""
-    (cy, cz, cx), (sy, sz, sx) = np.cos(angles).T, np.sin(angles).T
-    return np.stack(
-        [
-            np.stack([cy * cz, sy * sx - cy * sz * cx, cy * sz * sx + sy * cx], -1),
-            np.stack([sz, cz * cx, -cz * sx], -1),
-            np.stack([-sy * cz, sy * sz * cx + cy * sx, cy * cx - sy * sz * sx], -1),
-        ],
-        -2,
-    )
+@kernel
+def inertia_of(body: Body, rotation: Array, centre: Array, out: Array) -> None:
+    """Inertia (3, 3) [kg m2] about the centre of mass of segments that are placed."""
+    for j in range(3):
+        for k in range(3):
+            out[j, k] = 0.0
+            for i in range(len(body.mass)):
+                out[j, k] -= body.mass[i] * centre[i, j] * centre[i, k]
+                for m in range(3):
+                    out[j, k] += rotation[i, j, m] * body.inertia[i, m] * rotation[i, k, m]
+                    if j == k:
+                        out[j, k] += body.mass[i] * centre[i, m] * centre[i, m]
+
+
+@kernel
+def limb_momentum(
+    body: Body, angles: Array, rates: Array, rotation: Array, proximal: Array, centre: Array, out: Array
+) -> None:
+    """Angular momentum (3,) [kg m2/s] about the centre of mass, in pelvis axes, of limbs in motion.
+
+    The joint angles (15, 3) [rad], in which the segments are placed, change at the rates (15, 3) [rad/s].
+    """
+    n = len(body.mass)
+    turning, velocity, own, moving = np.zeros((n, 3)), np.zeros((n, 3)), np.empty(3), np.empty(3)
+    for j in range(3):
+        out[j] = 0.0
+    for i in range(1, n):
+        parent = body.parent[i]
+        y, z = angles[i - 1, 0] * _SIGNS[i - 1, 0], angles[i - 1, 1] * _SIGNS[i - 1, 1]
+        rate_z, rate_x = rates[i - 1, 1] * _SIGNS[i - 1, 1], rates[i - 1, 2] * _SIGNS[i - 1, 2]
+        own[0] = rate_z * np.sin(y) + rate_x * np.cos(y) * np.cos(z)
+        own[1] = rates[i - 1, 0] * _SIGNS[i - 1, 0] + rate_x * np.sin(z)
+        own[2] = rate_z * np.cos(y) - rate_x * np.sin(y) * np.cos(z)
+        for j in range(3):
+            turning[i, j] = turning[parent, j]
+            for k in range(3):
+                turning[i, j] += rotation[parent, j, k] * own[k]
+        for j in range(3):
+            # Of the proximal joint, against mid hip, and of the centre of mass.
+            k, m = (j + 1) % 3, (j + 2) % 3
+            velocity[i, j] = velocity[parent, j] + (
+                turning[parent, k] * (proximal[i, m] - proximal[parent, m])
+                - turning[parent, m] * (proximal[i, k] - proximal[parent, k])
+            )
+            moving[j] = velocity[i, j] + (
+                turning[i, k] * (centre[i, m] - proximal[i, m])
+                - turning[i, m] * (centre[i, k] - proximal[i, k])
+            )
+        for j in range(3):
+            k, m = (j + 1) % 3, (j + 2) % 3
+            out[j] += body.mass[i] * (centre[i, k] * moving[m] - centre[i, m] * moving[k])
+            for axis in range(3):
+                for other in range(3):
+                    spin = rotation[i, other, axis] * turning[i, other]
+                    out[j] += rotation[i, j, axis] * body.inertia[i, axis] * spin
+
+
+@kernel
+def _turn_yzx(angles: Array, signs: Array, out: Array) -> None:
+    """Rotation (3, 3) about y, then the turned z, then the turned x, for angles (3,) in rad with these signs."""
+    y, z, x = angles[0] * signs[0], angles[1] * signs[1], angles[2] * signs[2]
+    cy, cz, cx = np.cos(y), np.cos(z), np.cos(x)
+    sy, sz, sx = np.sin(y), np.sin(z), np.sin(x)
+    out[0, 0], out[0, 1], out[0, 2] = cy * cz, sy * sx - cy * sz * cx, cy * sz * sx + sy * cx
+    out[1, 0], out[1, 1], out[1, 2] = sz, cz * cx, -cz * sx
+    out[2, 0], out[2, 1], out[2, 2] = -sy * cz, sy * sz * cx + cy * sx, cy * cx - sy * sz * sx

@@ -7,7 +7,6 @@ In the zero pose every segment's axes are those of the body: x to the head, y to
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -69,8 +68,7 @@ _DISTAL = {
 _ANKLE_FROM_HEEL = 0.25
 
 
-@dataclass(frozen=True, eq=False)
-class Body:
+class Body(NamedTuple):
     """A subject's body; arrays run over the segments in the order of `SEGMENTS`.
 
     parent (16,) index of the parent, -1 for the root

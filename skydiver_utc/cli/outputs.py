@@ -7,9 +7,6 @@ from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.parameters import Parameters
 from skydiver_utc.parameters.yaml_io import write_yaml
 
-# Decimals of a degree, and of a component: rounding leaves less than 1e-6 of acceleration.
-DECIMALS = 9
-
 
 def prepare_folder(folder: Path | None) -> None:
     """Make the folder, if one is given."""

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from skydiver_utc.body.posture import joint_angle_names, joint_rows, posture_angles
 from skydiver_utc.body.principal_components import PrincipalComponents, principal_components
 from skydiver_utc.cli.errors import CommandError
-from skydiver_utc.cli.outputs import DECIMALS, name_of, write
+from skydiver_utc.cli.outputs import name_of, write
 from skydiver_utc.cli.screen import show_tables, table
 from skydiver_utc.cli.settings import load_skydiver
 from skydiver_utc.parameters import MovementPattern, Posture, Scenario
 from skydiver_utc.plants.skydiver.pattern_effect import EFFECTS, pattern_effect
+from skydiver_utc.plants.skydiver.trim import DECIMALS
 from skydiver_utc.recording.joint_angles import JointAngles, read_joint_angles
 
 Array = NDArray[np.float64]

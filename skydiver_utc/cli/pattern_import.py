@@ -15,7 +15,7 @@ from skydiver_utc.body.posture import joint_angle_names, joint_rows, refuse_beyo
 from skydiver_utc.body.segments import JOINTS
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.motion_command import ALPHA, command, scenario_of, settings_of, timing
-from skydiver_utc.cli.outputs import DECIMALS, name_of, write
+from skydiver_utc.cli.outputs import name_of, write
 from skydiver_utc.cli.pattern_extract import whole_postures
 from skydiver_utc.cli.settings import load_skydiver
 from skydiver_utc.loop.registry import build_plant
@@ -29,6 +29,7 @@ from skydiver_utc.parameters import (
 )
 from skydiver_utc.plants.skydiver.model import build_model
 from skydiver_utc.plants.skydiver.table_error import TableError, table_error
+from skydiver_utc.plants.skydiver.trim import DECIMALS
 from skydiver_utc.recording.joint_angles import read_joint_angles
 
 Array = NDArray[np.float64]

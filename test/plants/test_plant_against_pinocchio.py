@@ -15,10 +15,9 @@ from skydivers import (
     skydiver,
 )
 
-from skydiver_utc.body.posture import configuration
 from skydiver_utc.body.segments import build_body
 from skydiver_utc.plants.skydiver.dynamics import invert_inertia, state_derivative
-from skydiver_utc.plants.skydiver.model import pack_geometry
+from skydiver_utc.plants.skydiver.model import held_row
 from skydiver_utc.plants.skydiver.prediction import skydiver_step
 
 pinocchio = pytest.importorskip("pinocchio", reason="needs the wheel `pin`")
@@ -52,7 +51,7 @@ def test_accelerations_agree(name, seed):
     scenario = SCENARIOS[name]
     control = random_control(rng, scenario)
     angles, body = joint_angles(scenario, control[3]), build_body(scenario.plant.subject)
-    geometry, inverse = pack_geometry(body, configuration(body, angles), np.zeros(3)), np.empty(6)
+    geometry, inverse = held_row(body, angles), np.empty(6)
     invert_inertia(geometry, inverse)
     state, derivative = random_state(rng), np.empty(13)
     state_derivative(MODELS[name], geometry, inverse, control, state, derivative)

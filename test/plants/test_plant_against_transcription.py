@@ -25,7 +25,7 @@ from skydiver_utc.plants.skydiver.dynamics import (
     posture_geometry,
     state_derivative,
 )
-from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, INERTIA_AT, pack_geometry, posture_row
+from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, INERTIA_AT, held_row, posture_row
 from skydiver_utc.plants.skydiver.prediction import skydiver_step
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 
@@ -38,8 +38,7 @@ MODELS = {name: model_of(scenario) for name, scenario in PULLED.items()}
 
 
 def exact_geometry(alpha):
-    placed = configuration(BODY, joint_angles(SCENARIO, alpha))
-    geometry, inverse = pack_geometry(BODY, placed, np.zeros(3)), np.empty(6)
+    geometry, inverse = held_row(BODY, joint_angles(SCENARIO, alpha)), np.empty(6)
     invert_inertia(geometry, inverse)
     return geometry, inverse
 

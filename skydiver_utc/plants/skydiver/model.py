@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.body.movement import Movement, movement
-from skydiver_utc.body.posture import Configuration, configuration, motion
+from skydiver_utc.body.posture import inertia_of, limb_momentum, place
 from skydiver_utc.body.segments import Body, build_body
+from skydiver_utc.jit import kernel
 from skydiver_utc.parameters import SkydiverSettings
 
 Array = NDArray[np.float64]
@@ -88,26 +89,38 @@ def build_model(settings: SkydiverSettings, dt_s: float, moves: Movement | None 
 
 def posture_row(body: Body, moves: Movement, alpha: float) -> Array:
     """The row (153,) of the geometry table at a pattern angle [rad]."""
-    angles = moves.angles(alpha)
-    placed = configuration(body, angles)
-    return pack_geometry(body, placed, limb_momentum(body, placed, angles, moves.slope(alpha)))
+    row = np.empty(GEOMETRY_SIZE)
+    pack_geometry(body, moves.angles(alpha), moves.slope(alpha), row)
+    return row
 
 
-def pack_geometry(body: Body, posture: Configuration, swing_per_rate: Array) -> Array:
-    """One posture as a row (153,): positions, drag areas, inertia, and the limbs' momentum for a unit rate."""
-    drag = np.einsum("ijk,ik,ilk->ijl", posture.rotation, body.drag_area, posture.rotation)
-    blocks = [posture.centre[:, axis] for axis in range(3)]
-    blocks += [drag[:, i, j] for i, j in _SYMMETRIC]
-    blocks.append(np.array([posture.inertia[i, j] for i, j in _SYMMETRIC]))
-    return np.concatenate([*blocks, swing_per_rate])
+def held_row(body: Body, angles: Array) -> Array:
+    """The row (153,) of joint angles (15, 3) [rad] that do not move."""
+    row = np.empty(GEOMETRY_SIZE)
+    pack_geometry(body, angles, np.zeros_like(angles), row)
+    return row
 
 
-def limb_momentum(body: Body, placed: Configuration, angles: Array, rates: Array) -> Array:
-    """Angular momentum (3,) [kg m2/s] about the centre of mass, in pelvis axes, of limbs in motion.
+@kernel
+def pack_geometry(body: Body, angles: Array, slope: Array, out: Array) -> None:
+    """One posture as a row (153,): positions, drag areas, inertia, and the limbs' momentum for a unit rate.
 
-    The joint angles (15, 3) [rad], in which `placed` is, change at the rates (15, 3) [rad/s].
+    angles (15, 3) [rad] of the joints, slope (15, 3) their change per change of the pattern angle
     """
-    velocity, turning = motion(body, placed, angles, rates)
-    spin = np.einsum("ijk,ik,ilk,il->ij", placed.rotation, body.inertia, placed.rotation, turning)
-    total: Array = (spin + body.mass[:, None] * np.cross(placed.centre, velocity)).sum(axis=0)
-    return total
+    n = SEGMENT_COUNT
+    rotation, inertia, unused = np.empty((n, 3, 3)), np.empty((3, 3)), np.empty(3)
+    proximal, centre = np.empty((n, 3)), np.empty((n, 3))
+    place(body, angles, rotation, proximal, centre, unused)
+    inertia_of(body, rotation, centre, inertia)
+    limb_momentum(body, angles, slope, rotation, proximal, centre, out[SWING_AT:])
+    for row in range(6):
+        j, k = _SYMMETRIC[row]
+        out[INERTIA_AT + row] = inertia[j, k]
+        for i in range(n):
+            area = 0.0
+            for m in range(3):
+                area += rotation[i, j, m] * body.drag_area[i, m] * rotation[i, k, m]
+            out[(3 + row) * n + i] = area
+    for axis in range(3):
+        for i in range(n):
+            out[axis * n + i] = centre[i, axis]

@@ -20,7 +20,7 @@ from skydiver_utc.plants.skydiver.dynamics import (
     state_derivative,
 )
 from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, PlantModel
-from skydiver_utc.rotations import attitude_with_up
+from skydiver_utc.rotations import attitude_with_up, world_up
 
 Array = NDArray[np.float64]
 
@@ -49,16 +49,29 @@ class HeldBody:
 
         up (3,) the world's up direction, velocity (3,) [m/s] and rates (3,) [rad/s], all in body axes
         """
-        state, derivative = np.zeros(STATE_SIZE), np.empty(STATE_SIZE)
-        state[3:7] = attitude_with_up(up)
-        state[7:10], state[10:13] = velocity, rates
-        state_derivative(self.model, self._geometry, self._inverse, self.control, state, derivative)
-        return derivative[7:13]
+        return self._accelerations(_state(up, velocity, rates))
 
     def straight_down(self, speed: float, pitch: float) -> Array:
         """Accelerations (6,) while falling straight down [m/s] with the head low by a pitch [rad]."""
-        up = np.array([-np.sin(pitch), 0.0, np.cos(pitch)])
-        return self.accelerations(up, -speed * up, np.zeros(3))
+        return self._accelerations(straight_down(speed, pitch))
+
+    def _accelerations(self, state: Array) -> Array:
+        derivative = np.empty(STATE_SIZE)
+        state_derivative(self.model, self._geometry, self._inverse, self.control, state, derivative)
+        return derivative[7:13]
+
+
+def straight_down(speed: float, pitch: float) -> Array:
+    """State (13,) of a fall straight down [m/s] with the head low by a pitch [rad]."""
+    up = np.array([-np.sin(pitch), 0.0, np.cos(pitch)])
+    return _state(up, -speed * up, np.zeros(3))
+
+
+def _state(up: Array, velocity: Array, rates: Array) -> Array:
+    state = np.zeros(STATE_SIZE)
+    state[3:7] = attitude_with_up(up)
+    state[7:10], state[10:13] = velocity, rates
+    return state
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +136,12 @@ class SteadyFall:
     def _sideways(self) -> Array:
         sideways: Array = self.velocity + self.fall_rate * self.up
         return sideways
+
+
+def falling_straight(speed: float, pitch: float) -> SteadyFall:
+    """The fall straight down [m/s] with the head low by a pitch [rad] of a body that is trimmed to it."""
+    state = straight_down(speed, pitch)
+    return SteadyFall(world_up(state), state[7:10], state[10:13], np.zeros(6))
 
 
 def straight_falls(model: PlantModel) -> list[SteadyFall]:

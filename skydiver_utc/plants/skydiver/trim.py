@@ -6,14 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.body.posture import configuration, joint_ranges, joint_rows, posture_angles
+from skydiver_utc.body.posture import joint_ranges, joint_rows, posture_angles
 from skydiver_utc.body.segments import JOINTS, Body, build_body
 from skydiver_utc.parameters import ParameterError, Posture, Scenario
-from skydiver_utc.plants.skydiver.model import PlantModel, build_model, pack_geometry
+from skydiver_utc.plants.skydiver.model import PlantModel, build_model, held_row
 from skydiver_utc.plants.skydiver.steady import LARGEST_RESIDUAL, HeldBody
 
 Array = NDArray[np.float64]
 
+# Decimals of a degree, and of a component: rounding leaves less than 1e-6 of acceleration.
+DECIMALS = 9
 # The joint angles that a straight fall may change, both sides alike: joint and column.
 FREE_ANGLES = (("hip", 0), ("knee", 0), ("shoulder", 0), ("shoulder", 1), ("shoulder", 2), ("elbow", 0))
 
@@ -30,8 +32,7 @@ class Trim:
 
 def in_posture(body: Body, model: PlantModel, angles: Array) -> HeldBody:
     """A body that holds the joint angles (15, 3) [rad], controls at rest."""
-    geometry = pack_geometry(body, configuration(body, angles), np.zeros(3))
-    return HeldBody(model, np.zeros(4), geometry)
+    return HeldBody(model, np.zeros(4), held_row(body, angles))
 
 
 def straight_fall(scenario: Scenario, posture: Posture, pitch_deg: float) -> Trim:
@@ -80,6 +81,24 @@ def straight_fall(scenario: Scenario, posture: Posture, pitch_deg: float) -> Tri
             f" {np.abs(residual).max():.2g} of acceleration is left; choose another posture or pitch"
         )
     return Trim(angles, speed, pitch, residual)
+
+
+def trimmed_posture(scenario: Scenario, trim: Trim, name: str) -> Posture:
+    """A straight fall of the scenario's posture as a posture with its source, rounded as in a file."""
+    plant = scenario.plant
+    return Posture(
+        name=name,
+        description=(
+            f"Belly to earth with the head low; subject {plant.subject.name} falls straight down at"
+            f" {trim.speed:.2f} m/s"
+        ),
+        source=(
+            f"Straight fall nearest to posture {plant.posture.name} at a pitch of {plant.initial.pitch_deg:g} deg, by"
+            f" skydiver-utc pattern neutral: segments {plant.subject.segments.name}, suit {plant.subject.suit.name},"
+            f" joint limits {plant.subject.joint_limits.name}"
+        ),
+        joint_angles_deg=joint_rows(np.rad2deg(trim.angles).round(DECIMALS)),
+    )
 
 
 def in_straight_fall(scenario: Scenario) -> Scenario:
