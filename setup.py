@@ -25,6 +25,7 @@ setup(
     package_data={NAME: ["py.typed"]},
     install_requires=[
         "click>=8.1.6",
+        "cmaes>=0.10",
         "daqp>=0.7",
         "matplotlib>=3.6.3",
         "mcap>=1.5",

@@ -24,6 +24,13 @@ exit code of --check
     1  some are not
     2  the input is wrong: one sentence says why
 """
+_CALIBRATE_EXIT_CODES = """\b
+exit code
+    0  every target is met
+    1  some are not: the best skydiver was written
+    2  the input is wrong: one sentence says why
+  130  stopped with Ctrl-C: the same command continues
+"""
 _UNSET = (None, False, ())
 _PATH = click.Path(path_type=Path)
 
@@ -343,6 +350,28 @@ def trim(**options: Any) -> None:
     (0.2 Hz, UTC, about a minute of runs) start from the straight fall of the posture, moved so in either case.
     """
     _run("trim", "trim", **options)
+
+
+@main.command(epilog=_CALIBRATE_EXIT_CODES, short_help="Find a skydiver whose measures meet targets.")
+@click.argument("calibration", metavar="CALIBRATION")
+@click.option(
+    "--out", required=True, type=_PATH, metavar="FOLDER",
+    help="Write the skydiver here; a search that was interrupted here is continued.",
+)  # fmt: skip
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of the search.")
+@click.option(
+    "--evaluations", type=click.IntRange(1), help="How many skydivers to try, instead of the file's number."
+)
+@_json
+@_quiet
+def calibrate(**options: Any) -> None:
+    """Find a skydiver whose fall, turns and flights meet targets, by changing numbers within bounds.
+
+    CALIBRATION is a name below config/calibrations, or the path of a YAML file (docs/calibrate.md). FOLDER receives
+    skydiver.yaml with its suit, subject, posture and pattern, calibration.json, and evaluations.jsonl, from which the
+    same command continues.
+    """
+    _run("calibrate", "calibrate", **options)
 
 
 @main.command(short_help="Whether UTC is stable around a steady fall, or on a linear plant.")

@@ -47,11 +47,14 @@ def runs_progress(scenarios: Mapping[str, Scenario], quiet: bool) -> Iterator[di
 
 
 @contextmanager
-def count_progress(description: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
-    """A bar for `total` items; none when quiet or when stderr is no terminal."""
+def count_progress(description: str, total: int, quiet: bool) -> Iterator[Callable[..., None]]:
+    """A bar for `total` items, called with those done and, where it changes, the description.
+
+    None when quiet or when stderr is no terminal.
+    """
     with _bars((MofNCompleteColumn(),), quiet) as bars:
         task = bars.add_task(description, total=total)
-        yield lambda done: bars.update(task, completed=done)
+        yield lambda done, now=None: bars.update(task, completed=done, description=now)
 
 
 def _bars(columns: Sequence[ProgressColumn], quiet: bool) -> Progress:

@@ -140,26 +140,31 @@ def _resolve_plant(content: dict[str, Any]) -> dict[str, Any]:
     return {**content, "plant": _resolve_names(plant)}
 
 
-def _resolve_names(content: dict[str, Any]) -> dict[str, Any]:
-    """Replace the name of a subject, suit, posture, ... by what its file holds, at any depth."""
+def _resolve_names(content: dict[str, Any], beside: Path = Path()) -> dict[str, Any]:
+    """Replace the name of a subject, suit, posture, ... by what its file holds, at any depth.
+
+    A path in a file counts from that file's folder, `beside`.
+    """
     resolved: dict[str, Any] = {}
     for key, value in content.items():
+        folder = beside
         if key in _NAMED and isinstance(value, str):
-            value = read_yaml(_named_path(key, value))
+            path = named_path(key, value, beside)
+            value, folder = read_yaml(path), path.parent
         if isinstance(value, list):
-            value = [_resolve_names(item) if isinstance(item, dict) else item for item in value]
-        resolved[key] = _resolve_names(value) if isinstance(value, dict) else value
+            value = [_resolve_names(item, folder) if isinstance(item, dict) else item for item in value]
+        resolved[key] = _resolve_names(value, folder) if isinstance(value, dict) else value
     return resolved
 
 
-def _named_path(field: str, name: str) -> Path:
-    """The file of a subject, suit, posture, ...: one that comes with the package, or any by its path."""
+def named_path(field: str, name: str, beside: Path = Path()) -> Path:
+    """The file of a subject, suit, posture, calibration, ...: one that comes with the package, or any by its path."""
     if name.endswith((".yaml", ".yml")):
-        path = Path(name)
+        path = beside / name
         if not path.is_file():
             raise ParameterError(f"there is no {field} file {name}: check the path")
         return path
-    folder = config_folder() / _NAMED[field]
+    folder = config_folder() / _NAMED.get(field, f"{field}s")
     path = folder / f"{name}.yaml"
     if not path.is_file():
         known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))

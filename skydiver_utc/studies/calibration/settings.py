@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is calibrated against what: numbers of the skydiver between bounds, targets for measures, the flights."""
+
+import difflib
+from typing import Annotated, Any, Literal
+
+from pydantic import model_validator
+from typing_extensions import Self
+
+from skydiver_utc.parameters import ParameterError, Parameters, quantity, text
+from skydiver_utc.parameters.body import PatternAngle
+from skydiver_utc.parameters.conversion import checked
+from skydiver_utc.parameters.loading import named_path
+from skydiver_utc.parameters.yaml_io import read_yaml
+from skydiver_utc.studies.cases import Measures
+
+# Of `Measures`, those that a number can be wanted of.
+FLIGHT_MEASURES = tuple(
+    name for name, field in Measures.model_fields.items() if field.annotation == (float | None)
+)
+StaticMeasure = Literal["fall_speed_m_s", "yaw_acceleration_rad_s2", "steady_yaw_rate_deg_s"]
+
+
+class Bar(Parameters):
+    """Where a measure is wanted: at least, at most, or between two numbers."""
+
+    at_least: Annotated[float, quantity("of the measure", "smallest value wanted")] | None = None
+    at_most: Annotated[float, quantity("of the measure", "largest value wanted")] | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        bars = [bar for bar in (self.at_least, self.at_most) if bar is not None]
+        if not bars:
+            raise ValueError("write at_least, at_most or both")
+        if 0.0 in bars:
+            raise ValueError("a bar of 0 has no relative distance: write a small number instead")
+        if len(bars) == 2 and bars[0] > bars[1]:
+            raise ValueError(f"at_least ({bars[0]:g}) must not be above at_most ({bars[1]:g})")
+        return self
+
+
+class StaticTarget(Bar):
+    """A target for the straight fall, or for the turn at a held pattern angle."""
+
+    measure: StaticMeasure
+    alpha: Annotated[PatternAngle | None, text("pattern angle of the turn, where left out the largest")] = (
+        None
+    )
+    Cm_damp_yaw: Annotated[float, quantity("1", "yaw damping coefficient of a steady turn", ge=0, le=50)] = (
+        0.5
+    )
+
+
+class FlightBar(Bar):
+    """A target for a flight; with `times` the bars are factors on the same measure of an earlier flight."""
+
+    times: Annotated[str, text("name of the earlier flight")] = ""
+
+
+class Flight(Parameters):
+    """A scenario to be flown with the skydiver, and the targets for what is measured of it."""
+
+    name: str
+    scenario: str
+    settings: Annotated[dict[str, Any], text("overrides by dotted name")] = {}
+    targets: dict[str, FlightBar] = {}
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        for measure in set(self.targets) - set(FLIGHT_MEASURES):
+            close = difflib.get_close_matches(measure, FLIGHT_MEASURES, 1)
+            hint = f"did you mean {close[0]}" if close else f"choose one of {', '.join(FLIGHT_MEASURES)}"
+            raise ValueError(f"a flight has no measure {measure}: {hint}")
+        return self
+
+
+class Start(Parameters):
+    """The skydiver from which the search starts: the plant of a scenario; its posture is the one that is trimmed."""
+
+    scenario: str
+    settings: Annotated[dict[str, Any], text("overrides by dotted name")] = {}
+
+
+class Calibration(Parameters):
+    """A skydiver to be found.
+
+    numbers: by dotted name, the smallest and the largest value; front, side and axial name a segment's drag areas
+    pattern: the kind of movement pattern that is designed for each candidate, none to keep that of the start
+    """
+
+    name: str
+    description: str
+    start: Start
+    numbers: dict[str, tuple[float, float]]
+    pattern: Literal["turn"] | None = None
+    statics: tuple[StaticTarget, ...] = ()
+    flights: tuple[Flight, ...] = ()
+    evaluations: Annotated[int, quantity("1", "largest number of skydivers that are tried", ge=1, le=100_000)]
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if not self.numbers:
+            raise ValueError("numbers is empty: write at least one number that may change")
+        for name, (lower, upper) in self.numbers.items():
+            if not lower < upper:
+                raise ValueError(
+                    f"bounds of {name} are upside down: write the smaller of {lower}, {upper} first"
+                )
+        known: list[str] = []
+        for flight in self.flights:
+            if flight.name in known:
+                raise ValueError(f"two flights are called {flight.name}: rename one")
+            for bar in flight.targets.values():
+                if bar.times and bar.times not in known:
+                    raise ValueError(f"flight {flight.name}: there is no earlier flight {bar.times!r}")
+            known.append(flight.name)
+        if not self.statics and not any(flight.targets for flight in self.flights):
+            raise ValueError("there is no target: write one below statics or below a flight")
+        return self
+
+
+def load_calibration(name_or_path: str) -> Calibration:
+    """The calibration of a name below ``config/calibrations`` or of a YAML file. Raises `ParameterError`."""
+    try:
+        return checked(Calibration, read_yaml(named_path("calibration", name_or_path)))
+    except ParameterError as error:
+        raise ParameterError(f"{error} (calibration {name_or_path})") from error

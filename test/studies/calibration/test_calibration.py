@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Calibrations: a known skydiver is found, repeatable, continued after an interruption, and flies from its files."""
+
+import json
+
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from skydiver_utc.cli.main import main
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.parameters import ParameterError, load_scenario
+from skydiver_utc.parameters.loading import config_folder
+from skydiver_utc.studies.calibration.candidate import numbers_of, start_of
+from skydiver_utc.studies.calibration.evaluation import evaluate
+from skydiver_utc.studies.calibration.search import LOG, search
+from skydiver_utc.studies.calibration.settings import load_calibration
+
+SHANK, TRUNK = (f"plant.subject.suit.drag_areas_m2.{name}.front" for name in ("shank", "upper_trunk"))
+KNOWN = {SHANK: 0.17, TRUNK: 0.065}
+STATICS = [
+    {"measure": "fall_speed_m_s", "at_least": 50.0, "at_most": 65.0},
+    {"measure": "yaw_acceleration_rad_s2", "at_least": 1.0},
+    {"measure": "steady_yaw_rate_deg_s", "alpha": 0.5, "at_least": 1.0},
+]
+CONTENT = {
+    "name": "known",
+    "description": "A suit that was hidden",
+    "start": {"scenario": "bank_recovery"},
+    "numbers": {SHANK: [0.1, 0.25], TRUNK: [0.05, 0.1]},
+    "statics": STATICS,
+    "evaluations": 120,
+}
+HARD = {"statics": [{"measure": "fall_speed_m_s", "at_most": 45.0}]}
+
+
+def written(path, **changes):
+    path.write_text(yaml.safe_dump(CONTENT | changes), encoding="utf-8")
+    return path
+
+
+def loaded(path, **changes):
+    calibration = load_calibration(str(written(path, **changes)))
+    return calibration, start_of(calibration)
+
+
+def towards(found, share):
+    """The statics as targets within a share of what was found."""
+    return [
+        {**target, "at_least": value * (1 - share), "at_most": value * (1 + share)}
+        for target, value in zip(STATICS, found, strict=True)
+    ]
+
+
+def log_of(folder, calibration, start, evaluations, seed=1):
+    folder.mkdir(exist_ok=True)
+    search(calibration, start, seed, evaluations, folder, lambda _done: None)
+    return (folder / LOG).read_bytes()
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory):
+    """Folder, exit code and report of a calibration towards the measures of KNOWN."""
+    folder = tmp_path_factory.mktemp("calibrated")
+    known = evaluate(*loaded(folder / "known.yaml"), KNOWN)
+    path = written(folder / "towards.yaml", statics=towards(known.found, 0.005))
+    result = CliRunner().invoke(
+        main, ["calibrate", str(path), "--out", str(folder / "out"), "--json", "--quiet"]
+    )
+    return folder / "out", result.exit_code, json.loads(result.output)
+
+
+def test_the_measures_of_a_known_suit_are_found(calibrated):
+    _, exit_code, report = calibrated
+    assert exit_code == 0
+    assert report["evaluations"] > 1
+    for target in report["targets"]:
+        assert target["met"]
+        assert target["at_least"] <= target["found"] <= target["at_most"]
+
+
+def test_the_written_skydiver_is_the_one_that_was_tried(calibrated):
+    folder, _, report = calibrated
+    scenario = load_scenario("bank_recovery", {"plant.skydiver": str(folder / "skydiver.yaml")})
+    calibration, _ = loaded(folder / "again.yaml")
+    assert numbers_of(calibration, scenario) == report["numbers"]
+    assert scenario.plant.initial.fall_speed_m_s == report["targets"][0]["found"]
+    assert (
+        scenario.plant.posture
+        == load_scenario("bank_recovery", {"plant.posture": str(folder / "posture.yaml")}).plant.posture
+    )
+    for part in (scenario.plant.subject.suit, scenario.plant.posture, scenario.plant.pattern):
+        assert part.source
+
+
+def test_the_written_skydiver_falls_straight(calibrated):
+    folder, _, _ = calibrated
+    settings = {
+        "plant.skydiver": str(folder / "skydiver.yaml"),
+        "plant.initial.bank_deg": 0.0,
+        "duration_s": 2.0,
+    }
+    run = simulate(load_scenario("bank_recovery", settings))
+    assert abs(run.output("yaw_rate")).max() < 1e-6
+    assert run.output("fall_rate") == pytest.approx(run.output("fall_rate")[0], abs=1e-3)
+
+
+def test_the_same_seed_tries_the_same_skydivers(tmp_path):
+    of_file = loaded(tmp_path / "hard.yaml", **HARD)
+    first = log_of(tmp_path / "first", *of_file, 12)
+    assert log_of(tmp_path / "second", *of_file, 12) == first
+    assert log_of(tmp_path / "third", *of_file, 12, seed=2) != first
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.3, 0.8])
+def test_an_interrupted_search_ends_as_the_uninterrupted_one(tmp_path, kept):
+    of_file = loaded(tmp_path / "hard.yaml", **HARD)
+    whole = log_of(tmp_path / "whole", *of_file, 20)
+    (tmp_path / "part").mkdir()
+    # Mostly in the middle of a line.
+    (tmp_path / "part" / LOG).write_bytes(whole[: int(kept * len(whole))])
+    assert log_of(tmp_path / "part", *of_file, 20) == whole
+
+
+def test_the_log_of_another_search_is_refused(tmp_path):
+    of_file = loaded(tmp_path / "hard.yaml", **HARD)
+    log_of(tmp_path / "out", *of_file, 1)
+    with pytest.raises(ParameterError, match="another calibration or seed"):
+        log_of(tmp_path / "out", *of_file, 1, seed=2)
+
+
+def flights(first_bar):
+    flown = {"scenario": "fast_turn_pose_only", "settings": {"duration_s": 3.0}}
+    weak = {"duration_s": 3.0, "controller.K_p": 0.0}
+    return [
+        {"name": "own", **flown, "targets": {"rmse_deg_s": {"at_most": first_bar}}},
+        {
+            "name": "weak",
+            **flown,
+            "settings": weak,
+            "targets": {"rmse_deg_s": {"at_least": 1.0, "times": "own"}},
+        },
+    ]
+
+
+def test_a_flight_is_compared_with_an_earlier_one(tmp_path):
+    calibration, start = loaded(tmp_path / "flights.yaml", statics=[], flights=flights(400.0))
+    tried = evaluate(calibration, start, numbers_of(calibration, start))
+    assert tried.met == (True, tried.found[1] >= tried.found[0])
+
+
+def test_no_flight_is_begun_where_an_earlier_stage_is_far_off(tmp_path):
+    calibration, start = loaded(tmp_path / "flights.yaml", statics=[], flights=flights(1.0))
+    tried = evaluate(calibration, start, numbers_of(calibration, start))
+    assert tried.found[0] > 3.0
+    assert tried.found[1] is None
+    assert tried.met == (False, False)
+
+
+def test_the_pattern_is_designed_for_the_candidate(tmp_path):
+    calibration, start = loaded(tmp_path / "design.yaml", pattern="turn")
+    kept, _ = loaded(tmp_path / "kept.yaml")
+    numbers = numbers_of(calibration, start) | {SHANK: 0.11}
+    designed, own = (evaluate(one, start, numbers).found[1] for one in (calibration, kept))
+    assert designed > own
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"numbers": {SHANK: [0.3, 0.1]}}, SHANK),
+        ({"numbers": {SHANK: [0.1, 0.2]}}, "0.207"),
+        ({"numbers": {"plant.hands.K": [0.1, 0.2]}}, "plant.hands.K"),
+        ({"numbers": {"plant.subject.suit.drag_areas_m2.shank.top": [0.1, 0.2]}}, "shank.top"),
+        ({"numbers": {}}, "numbers"),
+        ({"statics": []}, "target"),
+        ({"statics": [{"measure": "fall_speed_m_s"}]}, "at_least"),
+        ({"statics": [{"measure": "fall_speed", "at_least": 1.0}]}, "fall_speed_m_s"),
+        ({"statics": [{"measure": "fall_speed_m_s", "at_least": 60.0, "at_most": 50.0}]}, "60"),
+        ({"flights": [{"name": "a", "scenario": "b", "targets": {"rmse": {"at_most": 1.0}}}]}, "rmse_deg_s"),
+        (
+            {
+                "flights": [
+                    {"name": "a", "scenario": "b", "targets": {"rmse_deg_s": {"at_most": 1.0, "times": "c"}}}
+                ]
+            },
+            "'c'",
+        ),
+        ({"start": {"scenario": "nobody"}}, "nobody"),
+        ({"flights": [{"name": "a", "scenario": "nowhere"}]}, "nowhere"),
+        ({"budget": 3}, "budget"),
+        ({"evaluations": 0}, "evaluations"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_the_name_of_the_field(tmp_path, changes, named):
+    path = written(tmp_path / "wrong.yaml", **changes)
+    result = CliRunner().invoke(main, ["calibrate", str(path), "--out", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert named in result.output
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "name", sorted(path.stem for path in (config_folder() / "calibrations").glob("*.yaml"))
+)
+def test_every_calibration_of_the_package_can_be_started(name):
+    calibration = load_calibration(name)
+    assert calibration.name == name
+    start_of(calibration)
+
+
+@pytest.mark.long
+def test_the_papers_skydiver_meets_its_targets(tmp_path):
+    content = yaml.safe_load((config_folder() / "calibrations" / "paper.yaml").read_text(encoding="utf-8"))
+    content["start"]["settings"] = {"plant.skydiver": "paper", "plant.posture": "box"}
+    calibration = load_calibration(str(written(tmp_path / "paper.yaml", **content)))
+    start = start_of(calibration)
+    assert all(evaluate(calibration, start, numbers_of(calibration, start)).met)
