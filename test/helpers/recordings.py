@@ -161,9 +161,9 @@ def with_previews(run: Run, offset: float = 0.0) -> Edit:
     )
 
 
-def bag_of_postures(folder: Path, postures: Any, names: Sequence[str]) -> Path:
+def bag_of_postures(folder: Path, postures: Any, names: Sequence[str], namespace: str = "/skydiver") -> Path:
     """Joint angles (n, m) [rad] every eighth step; a second message of the second posture comes later."""
     run = run_of(scenario=skydiver())
     rows = [*enumerate(postures), (1, np.ones(len(names)))]
     joints = (("joint_states", JOINTS, 8 * i, named(run.scenario, 8 * i, names, row)) for i, row in rows)
-    return write_run(folder, run, added(*joints))
+    return write_run(folder, run, added(*joints), namespaces=(namespace,))

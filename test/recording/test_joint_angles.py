@@ -3,55 +3,33 @@
 
 import numpy as np
 import pytest
-import yaml
-from rosbags.typesys import Stores, get_typestore
+from recordings import bag_of_postures, write_run
+from runs import cart, run_of
 
-from bags import QOS, START_NS, sentence
+from bags import sentence
 from skydiver_utc.body.posture import joint_angle_names
 from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.joint_angles import read_joint_angles
-from skydiver_utc.recording.schemas import message_schema
-from skydiver_utc.recording.writer import BagWriter
 
 NAMES = joint_angle_names()
-TIME, HEADER = "builtin_interfaces/msg/Time", "std_msgs/msg/Header"
-KIND = "sensor_msgs/msg/JointState"
-
-
-def bag_of(folder, postures, names=NAMES, topic="/skydiver/joint_states"):
-    """A bag with a posture every 8 ms; a second message with the stamp of the second posture comes later."""
-    store = get_typestore(Stores.ROS2_JAZZY)
-    time, header, joint_state = (store.types[name] for name in (TIME, HEADER, KIND))
-    none = np.empty(0)
-    with BagWriter(folder) as bag:
-        channel = bag.add_topic(topic, *message_schema(KIND), yaml.safe_dump([QOS]))
-        for i, row in [*enumerate(postures), (1, np.ones(len(names)))]:
-            stamp_ns = START_NS + i * 8_000_000
-            stamp = time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
-            position = np.array(row, dtype=float)
-            message = joint_state(header(stamp, ""), list(names), position, none, none)
-            bag.write(channel, bytes(store.serialize_cdr(message, KIND)), stamp_ns, stamp_ns)
-    return folder
 
 
 @pytest.mark.parametrize("namespace", ["/skydiver", "/anna"])
 def test_postures_come_back_from_a_bag(tmp_path, namespace):
+    """Every eighth step of 0.05 s; of two messages of one stamp the first counts."""
     postures = np.random.default_rng(1).normal(size=(5, 45))
-    found = read_joint_angles(bag_of(tmp_path / "run", postures, topic=f"{namespace}/joint_states"), NAMES)
+    found = read_joint_angles(bag_of_postures(tmp_path / "run", postures, NAMES, namespace), NAMES)
     assert found.names == NAMES
     np.testing.assert_array_equal(found.values, postures)
-    np.testing.assert_allclose(found.time_s, 0.008 * np.arange(5), atol=1e-12)
+    np.testing.assert_allclose(found.time_s, 0.4 * np.arange(5), atol=1e-12)
 
 
-def test_a_bag_of_other_joints_is_refused(tmp_path):
-    folder = bag_of(tmp_path / "run", np.zeros((3, 2)), ["left_wing_flexion", "tail_flexion"])
+def test_a_bag_of_other_joints_or_of_none_is_refused(tmp_path):
+    folder = bag_of_postures(tmp_path / "other", np.zeros((3, 2)), ["left_wing_flexion", "tail_flexion"])
     with pytest.raises(RecordingError, match="45 joint angles"):
         read_joint_angles(folder, NAMES)
-
-
-def test_a_bag_without_postures_is_refused(tmp_path):
     with pytest.raises(RecordingError, match="/skydiver/joint_states"):
-        read_joint_angles(bag_of(tmp_path / "run", np.zeros((3, 45)), topic="/skydiver/other"), NAMES)
+        read_joint_angles(write_run(tmp_path / "none", run_of(scenario=cart())), NAMES)
 
 
 def read(tmp_path, text):
