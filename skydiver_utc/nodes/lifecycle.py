@@ -21,7 +21,7 @@ UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active"
 
 
 class RefusedError(ValueError):
-    """The node cannot do this now; one sentence that says why and what to do."""
+    """The node cannot do this now; a sentence on why, and on what to do."""
 
 
 # What ends a node in one sentence; any other error is one of the program.

@@ -8,13 +8,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from ros_domains import claimed_domain
+from ros_domains import reserved_domain
 
 BENCHMARK = Path(__file__).resolve().parents[2] / "benchmarks" / "four_processes.py"
 
 
 def test_both_loops_fly_every_step_and_are_compared_as_asked() -> None:
-    with claimed_domain() as domain:
+    with reserved_domain() as domain:
         done = subprocess.run(
             [sys.executable, str(BENCHMARK), "--turns", "2", "--duration-s", "1", "--json"],
             env=os.environ | {"ROS_DOMAIN_ID": str(domain)},

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ros_domains import claimed_domain
+from ros_domains import reserved_domain
 from soak_bars import bars
 
 SOAK = Path(__file__).resolve().parents[2] / "benchmarks" / "soak.py"
 
 
 def test_a_short_soak_misses_nothing_and_accounts_for_every_step() -> None:
-    with claimed_domain() as domain:
+    with reserved_domain() as domain:
         done = subprocess.run(
             [sys.executable, str(SOAK), "--lockstep-s", "4", "--real-time-s", "4"],
             env=os.environ | {"ROS_DOMAIN_ID": str(domain)},

@@ -20,7 +20,7 @@ _PORTS_PER_DOMAIN = 250
 
 
 @contextmanager
-def claimed_domain() -> Iterator[int]:
+def reserved_domain() -> Iterator[int]:
     """A domain id that no other test of this machine holds and no node uses."""
     worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
     start = worker * 13 + os.getpid()
@@ -50,5 +50,5 @@ def _port_is_free(port: int) -> bool:
 @pytest.fixture
 def domain() -> Iterator[int]:
     """The domain id of one test."""
-    with claimed_domain() as claimed:
-        yield claimed
+    with reserved_domain() as reserved:
+        yield reserved

@@ -178,18 +178,21 @@ class Processes:
         ros_arguments: Sequence[str] = (),
     ) -> "NodeProcess":
         """Start ``<kind>_node`` with these parameters, in its own namespace unless one is given."""
-        self._count += 1
-        log = self._folder / f"{self._count}_{kind}.log"
-        command = [sys.executable, "-m", f"skydiver_utc.nodes.{kind}_node", *arguments, "--ros-args"]
-        command += ros_arguments
+        command = ["-m", f"skydiver_utc.nodes.{kind}_node", *arguments, "--ros-args", *ros_arguments]
         if namespace:
             command += ["-r", f"__ns:={namespace}"]
         for name, value in parameters.items():
             text = str(value).lower() if isinstance(value, bool) else value
             command += ["-p", f"{name}:={text}"]
+        return self.python(kind, *command)
+
+    def python(self, name: str, *arguments: str) -> "NodeProcess":
+        """Start Python with these arguments; `name` is that of its log."""
+        self._count += 1
+        log = self._folder / f"{self._count}_{name}.log"
         stream = self._stack.enter_context(log.open("w"))
         process = subprocess.Popen(
-            command,
+            [sys.executable, *arguments],
             env=self.environment,
             cwd=self._folder,
             stdin=subprocess.DEVNULL,
@@ -197,7 +200,7 @@ class Processes:
             stderr=subprocess.STDOUT,
         )
         node = NodeProcess(process, log)
-        self._stack.callback(node.end, command)
+        self._stack.callback(node.end, arguments)
         return node
 
 
@@ -243,10 +246,10 @@ class NodeProcess:
             assert time.monotonic() < deadline, f"{text!r} was not printed:\n{self.output}"
             time.sleep(0.02)
 
-    def end(self, command: list[str]) -> None:
+    def end(self, arguments: Sequence[str]) -> None:
         """Kill the process; what it printed stands in the report of a test that failed."""
         self.kill()
-        print(f"{shlex.join(command[2:])}:\n{self.output}")
+        print(f"{shlex.join(arguments)}:\n{self.output}")
 
     def kill(self) -> None:
         """End the process for certain."""

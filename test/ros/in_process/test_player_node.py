@@ -9,7 +9,7 @@ import pytest
 from own_slots import cart_file
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
-from ros_domains import claimed_domain
+from ros_domains import reserved_domain
 from ros_fixtures import JOINT_STATE, Partner, Ros
 from rosgraph_msgs.msg import Clock
 
@@ -41,7 +41,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recorded")
     given = {"scenario": cart_file(folder)}
     waiting = given | {"wait_for_recorder": True}
-    with claimed_domain() as domain, closing(Ros(domain)) as ros:
+    with reserved_domain() as domain, closing(Ros(domain)) as ros:
         recorder = ros.add(RecorderNode(ros.context, given | {"bag_folder": str(folder / "run")}))
         nodes = [ros.add(kind(ros.context, waiting)) for kind in (ReferenceNode, ControllerNode, PlantNode)]
         ros.spin_until(lambda: recorder.finished)

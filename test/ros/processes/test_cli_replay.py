@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """``skydiver-utc replay`` with a real player."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from command_line import PATIENCE_S, call, start
 from ros_fixtures import Ros
 from std_msgs.msg import String
 
@@ -18,8 +16,6 @@ from skydiver_utc.recording.writer import BagWriter
 
 pytest_plugins = ("ros_fixtures",)
 pytestmark = pytest.mark.processes
-
-PATIENCE_S = 150.0
 
 
 def bag(folder: Path) -> Path:
@@ -33,23 +29,13 @@ def bag(folder: Path) -> Path:
     return folder
 
 
-def start(domain: int, *arguments: object) -> "subprocess.Popen[str]":
-    return subprocess.Popen(
-        [sys.executable, "-m", "skydiver_utc", "replay", *map(str, arguments)],
-        env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
 def test_a_recording_is_played_and_rejected_messages_are_counted(
     ros: Ros, domain: int, tmp_path: Path
 ) -> None:
     texts: list[str] = []
     partner = ros.partner()
     partner.create_subscription(String, "/text", lambda message: texts.append(message.data), 100)
-    process = start(domain, bag(tmp_path / "bag"), "--rate", "2")
+    process = start("replay", bag(tmp_path / "bag"), "--rate", "2", ROS_DOMAIN_ID=domain)
     ros.spin_until(lambda: process.poll() is not None)
     _, stderr = process.communicate()
     assert process.returncode == 0, stderr
@@ -61,7 +47,9 @@ def test_a_loop_is_ended_by_ctrl_c(ros: Ros, domain: int, tmp_path: Path) -> Non
     texts: list[str] = []
     partner = ros.partner()
     partner.create_subscription(String, "/text", lambda message: texts.append(message.data), 100)
-    process = start(domain, bag(tmp_path / "bag"), "--loop", "--rate", "5", "--topics", "/text")
+    process = start(
+        "replay", bag(tmp_path / "bag"), "--loop", "--rate", "5", "--topics", "/text", ROS_DOMAIN_ID=domain
+    )
     ros.spin_until(lambda: texts.count("0") > 1)
     process.terminate()
     _, stderr = process.communicate(timeout=PATIENCE_S)
@@ -70,9 +58,9 @@ def test_a_loop_is_ended_by_ctrl_c(ros: Ros, domain: int, tmp_path: Path) -> Non
 
 
 def test_an_option_that_does_not_fit_the_recording_is_one_sentence(domain: int, tmp_path: Path) -> None:
-    process = start(domain, bag(tmp_path / "bag"), "--quiet", "--topics", "/other")
-    _, stderr = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 2
+    arguments = ("--quiet", "--topics", "/other")
+    code, _, stderr = call("replay", bag(tmp_path / "bag"), *arguments, ROS_DOMAIN_ID=domain)
+    assert code == 2
     (line,) = stderr.splitlines()
     assert line.startswith("Error: ")
     assert "/other" in line

@@ -14,6 +14,7 @@ from pathlib import Path
 import own_slots
 import pytest
 from child_processes import children
+from command_line import PATIENCE_S, call, start
 from own_slots import CART, cart_file
 from recorded import Bag, assert_complete, assert_equals_simulation
 
@@ -23,8 +24,6 @@ from skydiver_utc.recording.recovery import recover
 
 pytest_plugins = ("ros_domains",)
 pytestmark = pytest.mark.processes
-
-PATIENCE_S = 150.0
 
 
 class Command:
@@ -37,26 +36,12 @@ class Command:
         shutil.copy(own_slots.__file__, folder / "scenarios")
         self.cart = cart_file(folder / "scenarios")
 
-    def start(self, *arguments: str, **environment: str) -> "subprocess.Popen[str]":
-        return subprocess.Popen(
-            [sys.executable, "-m", "skydiver_utc", *arguments],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env={
-                **os.environ,
-                "ROS_DOMAIN_ID": str(self.domain),
-                "PYTHONPATH": PACKAGE_FOLDER,
-                **environment,
-            },
-        )
+    def start(self, *arguments: str) -> "subprocess.Popen[str]":
+        return start(*arguments, ROS_DOMAIN_ID=self.domain)
 
     def run(self, *arguments: str, **environment: str) -> tuple[int, str, str]:
         """Exit code, stdout, stderr."""
-        process = self.start(*arguments, **environment)
-        stdout, stderr = process.communicate(timeout=PATIENCE_S)
-        assert "Traceback" not in stdout
-        return process.returncode, stdout, stderr
+        return call(*arguments, ROS_DOMAIN_ID=self.domain, **environment)
 
     def start_long_run(self, *scenarios: str, folder: Path) -> "subprocess.Popen[str]":
         """A run of ten minutes, once each of its recordings has messages."""

@@ -11,6 +11,8 @@ import pytest
 
 from skydiver_utc.nodes.process import StopRequest
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.fixture
 def stop() -> Iterator[StopRequest]:

@@ -20,6 +20,7 @@ from skydiver_utc.nodes.process import REFUSED
 from skydiver_utc.parameters import load_scenario
 
 pytest_plugins = ("ros_fixtures",)
+pytestmark = pytest.mark.processes
 
 
 class Stage:
