@@ -12,7 +12,7 @@ from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.node_processes import PLAYER, NodeProcesses, Parameters, interruptible
 from skydiver_utc.cli.ros_environment import node_environment, require_rclpy
 from skydiver_utc.parameters.exit_codes import STOPPED
-from skydiver_utc.recording.reader import read_bag
+from skydiver_utc.recording.reader import bag_files
 
 _POLL_S = 0.1
 
@@ -25,7 +25,7 @@ def replay(
     if not all(names):
         raise CommandError(f"--topics {topics!r} has an empty name: write them as in state,command")
     require_rclpy()
-    read_bag(folder)
+    bag_files(folder)
     # Others subscribe to it: on the caller's domain, where `run` takes a free one.
     environment = node_environment({**os.environ, "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or "0"})
     parameters: Parameters = {"run": str(folder.absolute()), "loop": loop}

@@ -43,16 +43,9 @@ def test_a_loop_begins_again_at_its_start() -> None:
     assert list(playback.due(51.45, MANY)) == [4, 5]
 
 
-@pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])
-def test_impossible_rates(rate: float) -> None:
-    with pytest.raises(RecordingError, match="rate"):
-        Playback(TIMES_NS, rate, 0.0, False)
-
-
-@pytest.mark.parametrize("start_s", [-0.1, 1.1, float("nan")])
-def test_impossible_starts(start_s: float) -> None:
+def test_a_start_beyond_the_end_is_refused() -> None:
     with pytest.raises(RecordingError, match="start"):
-        Playback(TIMES_NS, 1.0, start_s, False)
+        Playback(TIMES_NS, 1.0, 1.1, False)
 
 
 def test_messages_of_one_time_keep_the_order_of_the_bag(tmp_path: Path) -> None:
