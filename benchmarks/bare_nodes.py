@@ -145,7 +145,7 @@ def plant(loop: Loop) -> None:
 
 
 def controller(loop: Loop) -> None:
-    """Answer each state with a command and telemetry; hear the reference."""
+    """Answer each state with a command and telemetry; receive the reference."""
     from skydiver_utc.nodes import topics
 
     node = _node(topics.CONTROLLER)
@@ -157,8 +157,8 @@ def controller(loop: Loop) -> None:
         commands.publish(command)
         telemetries.publish(telemetry)
 
-    _hear(node, topics.STATE, on_state)
-    _hear(node, topics.REFERENCE_PREVIEW, lambda _: None)
+    _subscribe(node, topics.STATE, on_state)
+    _subscribe(node, topics.REFERENCE_PREVIEW, lambda _: None)
     _spin(node)
 
 
@@ -174,18 +174,18 @@ def reference(loop: Loop) -> None:
     points = [JointTrajectoryPoint(positions=[0.0]) for _ in range(loop.preview_points)]
     preview = JointTrajectory(joint_names=["yaw_rate"], points=points)
     setpoints, previews = _publisher(node, topics.SETPOINT), _publisher(node, topics.REFERENCE_PREVIEW)
-    heard = 0
+    received = 0
 
     def on_clock(message: Any) -> None:
-        nonlocal heard
-        if heard % loop.chunk_steps == 0:
+        nonlocal received
+        if received % loop.chunk_steps == 0:
             preview.header.stamp = message.clock
             previews.publish(preview)
         setpoint.header.stamp = message.clock
         setpoints.publish(setpoint)
-        heard += 1
+        received += 1
 
-    _hear(node, topics.CLOCK, on_clock)
+    _subscribe(node, topics.CLOCK, on_clock)
     _spin(node)
 
 
@@ -212,7 +212,7 @@ def _publisher(node: Any, topic: Any) -> Any:
     return node.create_publisher(topic.type, topic.name, topic.qos)
 
 
-def _hear(node: Any, topic: Any, callback: Callable[[Any], None]) -> None:
+def _subscribe(node: Any, topic: Any, callback: Callable[[Any], None]) -> None:
     node.create_subscription(topic.type, topic.name, callback, topic.qos)
 
 

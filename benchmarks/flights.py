@@ -24,7 +24,7 @@ from skydiver_utc.parameters import Scenario, to_yaml
 
 SCENARIO = "fast_turn_unknown_dynamics"
 BAG = "bag"  # where a flight is recorded, in its folder
-_GRACE_S = 10.0  # for a bare node to end when it is told to
+_GRACE_S = 10.0  # for a bare node to end when it is found to
 Memory = list[tuple[float, dict[str, float]]]
 
 

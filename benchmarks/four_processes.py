@@ -55,9 +55,9 @@ def bare_turn(scenario: Scenario) -> Turn:
 def our_turn(scenario: Scenario) -> Turn:
     """Our nodes; the times of the steps and of the solver are those in the bag."""
     with tempfile.TemporaryDirectory(prefix="skydiver_utc_bench_") as folder:
-        told, _ = fly(scenario, "lockstep", Path(folder))
-        if told["outcome"] != "completed":
-            raise click.ClickException(f"the flight ended with {told['outcome']}: {told['reason']}")
+        found, _ = fly(scenario, "lockstep", Path(folder))
+        if found["outcome"] != "completed":
+            raise click.ClickException(f"the flight ended with {found['outcome']}: {found['reason']}")
         recorded = read_bag(Path(folder) / BAG, (_STATE, _TELEMETRY))
         telemetry = recorded[_TELEMETRY].messages
         solve_time = telemetry[0].name.index("solve_time")
@@ -116,24 +116,24 @@ def compare(bare_turns: list[Turn], our_turns: list[Turn], dt_s: float) -> dict[
     }
 
 
-def show(told: dict[str, Any], where: dict[str, str]) -> None:
+def show(found: dict[str, Any], where: dict[str, str]) -> None:
     """The figures on the screen."""
     table = Table(title=", ".join(f"{name} {value}" for name, value in where.items()))
     for heading in ("four processes", "step: median [ms]", "p99 [ms]", "steps per second"):
         table.add_column(heading, justify="left" if heading == "four processes" else "right")
     for name, label in (("bare", "bare rclpy loop"), ("ours", "our nodes, recorder on")):
-        row = told[name]
+        row = found[name]
         table.add_row(label, *(f"{row[key]:.3g}" for key in ("step_ms", "step_ms_p99", "rate_Hz")))
     Console().print(table)
-    turns = ", ".join(f"{ratio:.3g}" for ratio in told["ratio_of_each_turn"])
+    turns = ", ".join(f"{ratio:.3g}" for ratio in found["ratio_of_each_turn"])
     click.echo(
-        f"solve time {told['solve_ms']:.3g} ms: a step of at most {_FACTOR:g} x {told['bare']['step_ms']:.3g} +"
-        f" {told['solve_ms']:.3g} = {told['allowed_step_ms']:.3g} ms is asked for:"
-        f" {'met' if told['step_within_bar'] else 'missed'}"
+        f"solve time {found['solve_ms']:.3g} ms: a step of at most {_FACTOR:g} x {found['bare']['step_ms']:.3g} +"
+        f" {found['solve_ms']:.3g} = {found['allowed_step_ms']:.3g} ms is asked for:"
+        f" {'met' if found['step_within_bar'] else 'missed'}"
     )
-    click.echo(f"(step - solve) / bare = {told['ratio']:.3g}; turn by turn {turns}")
-    faster = "faster" if told["faster_than_real_time"] else "slower"
-    click.echo(f"{told['real_time_factor']:.3g} times real time: {faster} than the clock")
+    click.echo(f"(step - solve) / bare = {found['ratio']:.3g}; turn by turn {turns}")
+    faster = "faster" if found["faster_than_real_time"] else "slower"
+    click.echo(f"{found['real_time_factor']:.3g} times real time: {faster} than the clock")
 
 
 @click.command(help=__doc__)
@@ -147,11 +147,11 @@ def main(turns: int, duration_s: float, as_json: bool) -> None:
     for _ in track(range(turns), "flying", console=Console(stderr=True)):
         bare_turns.append(bare_turn(scenario))
         our_turns.append(our_turn(scenario))
-    told, where = compare(bare_turns, our_turns, scenario.dt_s), machine()
+    found, where = compare(bare_turns, our_turns, scenario.dt_s), machine()
     if as_json:
-        click.echo(json.dumps({"machine": where, **told}, indent=2))
+        click.echo(json.dumps({"machine": where, **found}, indent=2))
     else:
-        show(told, where)
+        show(found, where)
 
 
 if __name__ == "__main__":

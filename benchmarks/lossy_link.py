@@ -112,11 +112,11 @@ def ping(address: str, port: int, count: int) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    verb, arguments = sys.argv[1], sys.argv[2:]
-    if verb == "link":
+    command, arguments = sys.argv[1], sys.argv[2:]
+    if command == "link":
         delay_ms, jitter_ms, share = map(float, arguments[2:5])
         link((arguments[0], arguments[1]), delay_ms / 1e3, jitter_ms / 1e3, share, int(arguments[5]))
-    elif verb == "echo":
+    elif command == "echo":
         echo(int(arguments[0]))
     else:
         print(json.dumps(ping(arguments[0], int(arguments[1]), int(arguments[2]))))

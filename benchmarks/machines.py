@@ -86,10 +86,10 @@ def two_machines(conditions: Conditions) -> Iterator[tuple[Machine, Machine]]:
 def ping(here: Machine, there: Machine, count: int) -> dict[str, Any]:
     """What the link really does to datagrams of an own kind."""
     with _waiting(there.command([sys.executable, str(LINK), "echo", str(_ECHO_PORT)])):
-        told = _run(
+        found = _run(
             here.command([sys.executable, str(LINK), "ping", there.address, str(_ECHO_PORT), str(count)])
         )
-    return dict(json.loads(told))
+    return dict(json.loads(found))
 
 
 @contextmanager

@@ -66,10 +66,10 @@ def missing(bag: Path, report: dict[str, Any], mode: str) -> dict[str, int]:
 def flight(scenario: Scenario, mode: str) -> dict[str, Any]:
     """A recorded flight: what the plant reported, what grew and what the bag lacks."""
     with tempfile.TemporaryDirectory(prefix="skydiver_utc_soak_") as folder:
-        told, memory = fly(scenario, mode, Path(folder))
-        lacks = missing(Path(folder) / BAG, told, mode)
+        found, memory = fly(scenario, mode, Path(folder))
+        lacks = missing(Path(folder) / BAG, found, mode)
         cpu = cpu_percent(Path(folder) / BAG)
-    return {**told, "memory_growth_MB": growth(memory), "cpu_percent": cpu, "missing": lacks}
+    return {**found, "memory_growth_MB": growth(memory), "cpu_percent": cpu, "missing": lacks}
 
 
 def cpu_percent(bag: Path) -> dict[str, float]:
@@ -84,19 +84,19 @@ def cpu_percent(bag: Path) -> dict[str, float]:
 
 def lockstep(simulated_s: float) -> dict[str, Any]:
     """A long flight in lockstep."""
-    told = flight(load_scenario(SCENARIO, {"duration_s": simulated_s}), "lockstep")
-    rate = (told["states"] - 1) / told["wall_time_s"]
-    return {"simulated_s": simulated_s, "step_rate_Hz": round(rate, 1), **told}
+    found = flight(load_scenario(SCENARIO, {"duration_s": simulated_s}), "lockstep")
+    rate = (found["states"] - 1) / found["wall_time_s"]
+    return {"simulated_s": simulated_s, "step_rate_Hz": round(rate, 1), **found}
 
 
 def real_time(duration_s: float) -> dict[str, Any]:
     """A long flight by the clock, between two halves of as many steps of a bare pair of processes."""
     scenario = load_scenario(SCENARIO, {"duration_s": duration_s})
     before = bare_pair(duration_s / 2, scenario.dt_s)
-    told = flight(scenario, "real_time")
+    found = flight(scenario, "real_time")
     after = bare_pair(duration_s / 2, scenario.dt_s)
     pair = {name: before[name] + after[name] for name in before}
-    account = told["real_time"]
+    account = found["real_time"]
     sleeping = paced_lateness(min(_SLEEP_S, duration_s), scenario.dt_s, lambda: None)
     return {
         "duration_s": duration_s,
@@ -108,7 +108,7 @@ def real_time(duration_s: float) -> dict[str, Any]:
         "late_pongs_percent": percent(pair["unanswered"], pair["count"]),
         "wake_up_ms_p99": 1e3 * statistics.quantiles(sleeping, n=100)[-1],
         "late_wake_ups_percent": percent(sum(late > scenario.dt_s for late in sleeping), len(sleeping)),
-        **told,
+        **found,
     }
 
 

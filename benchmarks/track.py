@@ -106,7 +106,7 @@ def slowest(scenario: Scenario) -> tuple[np.ndarray, Fall]:
     return found.x, fall(scenario, found.x)
 
 
-def told(flown: Fall) -> str:
+def described(flown: Fall) -> str:
     return f"falls at {flown.fall_rate:.1f} m/s, glides at {flown.glide:.1f} deg"
 
 
@@ -143,7 +143,7 @@ def main() -> None:
     angles = " ".join(f"{joint}_{ANGLES[column]}" for joint, column in FREE)
     print(f"track [deg], {angles}: {np.round(track_posture(), 1)}")
     for change, flown in variations().items():
-        print(f"track, {change}: {told(flown)}")
+        print(f"track, {change}: {described(flown)}")
     low = [row for row, segment in enumerate(SEGMENTS) if segment.kind in ("shank", "foot")]
     for suit in SUITS:
         scenario = load_scenario("bank_recovery", {"plant.subject.suit": suit})
@@ -154,7 +154,7 @@ def main() -> None:
         print(
             f"{suit}: stretched, centre of pressure broadside {-1e3 * centre:.0f} mm to the feet of the centre"
             f" of mass, lower legs and feet {front[low].sum() / front.sum():.0%} of the area;"
-            f" the slowest track {told(flown)}, knees {found[-1]:.0f} deg"
+            f" the slowest track {described(flown)}, knees {found[-1]:.0f} deg"
         )
 
 

@@ -331,21 +331,21 @@ def _sources_digest() -> str:
 
 
 class _Once(event.Listener):  # type: ignore[misc]
-    def __init__(self, tell: Callable[[str], object]) -> None:
-        self._tell: Callable[[str], object] | None = tell
+    def __init__(self, report: Callable[[str], object]) -> None:
+        self._report: Callable[[str], object] | None = report
 
     def on_start(self, event: Any) -> None:
-        tell, self._tell = self._tell, None
-        if tell is not None:
-            tell("compiling the model, once for each installation")
+        report, self._report = self._report, None
+        if report is not None:
+            report("compiling the model, once for each installation")
 
     def on_end(self, event: Any) -> None:
         pass
 
 
-def on_first_compilation(tell: Callable[[str], object]) -> None:
+def on_first_compilation(report: Callable[[str], object]) -> None:
     """Pass a sentence on, once, when the first function of this process is compiled rather than loaded."""
-    event.register("numba:compile", _Once(tell))
+    event.register("numba:compile", _Once(report))
 
 
 @program

@@ -12,6 +12,7 @@ from skydiver_utc.analysis.numbers import finite, largest, root_mean_square, set
 from skydiver_utc.analysis.skydiver import skydiver_metrics
 from skydiver_utc.loop.outcome import REACHED_THE_END
 from skydiver_utc.loop.run import Run
+from skydiver_utc.parameters.nanoseconds import seconds
 
 SCHEMA_VERSION = 3
 CONVERGED_SHARE = 0.05
@@ -75,7 +76,7 @@ def metrics(run: Run) -> dict[str, Any]:
             {
                 "node": change.node,
                 "step": change.step,
-                "time_s": change.step * run.scenario.dt_ns / 1e9,
+                "time_s": seconds(change.step * run.scenario.dt_ns),
                 "parameters": dict(change.parameters),
             }
             for change in run.changes

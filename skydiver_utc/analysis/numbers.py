@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Scenario
+from skydiver_utc.parameters.nanoseconds import NANOSECONDS, seconds
 
 SETTLING_S = 2.0
 
@@ -28,12 +29,12 @@ def row_from(time_s: float, run: Run) -> int:
 
 def first_step_from(time_s: float, scenario: Scenario) -> int:
     """The first step at or after a time."""
-    return math.ceil(round(time_s * 1e9) / scenario.dt_ns)
+    return math.ceil(round(time_s * NANOSECONDS) / scenario.dt_ns)
 
 
 def time_of(run: Run, row: int) -> float:
     """Time [s] of a row."""
-    return (run.first_step + row) * run.scenario.dt_ns / 1e9
+    return seconds((run.first_step + row) * run.scenario.dt_ns)
 
 
 def root_mean_square(values: Floats) -> float:

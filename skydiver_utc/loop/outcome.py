@@ -17,7 +17,6 @@ class Outcome(str, Enum):
     ROLLED_OVER = "rolled_over"
     DIVERGED = "diverged"
     NO_COMMAND = "no_command"
-    NO_CLOCK = "no_clock"
     ABORTED = "aborted"
 
 

@@ -25,14 +25,14 @@ def test_a_short_soak_misses_nothing_and_accounts_for_every_step() -> None:
             check=False,
         )
     assert done.returncode in (0, 1), done.stderr
-    told = json.loads(done.stdout)
-    assert told["bars"] == bars(told)
-    assert done.returncode == (not all(told["bars"].values()))
+    found = json.loads(done.stdout)
+    assert found["bars"] == bars(found)
+    assert done.returncode == (not all(found["bars"].values()))
     # Four seconds tell nothing of growth, and on a busy machine nothing of lateness.
     for name in ("lockstep: completed", "lockstep: no message missing in the bag"):
-        assert told["bars"][name], told
-    assert told["bars"]["real_time: no message missing in the bag"], told
-    lockstep, real_time = told["lockstep"], told["real_time"]
+        assert found["bars"][name], found
+    assert found["bars"]["real_time: no message missing in the bag"], found
+    lockstep, real_time = found["lockstep"], found["real_time"]
     assert lockstep["states"] == real_time["states"] == 954
     account = real_time["real_time"]
     assert sum(account[name] for name in ("on_time", "late", "stale", "lost")) == account["steps"] == 953
@@ -72,6 +72,6 @@ def report(**changed: object) -> dict[str, Any]:
     ],
 )
 def test_a_bar_that_is_missed_is_told(changed: dict[str, object], missed: set[str]) -> None:
-    told = bars(report(**changed))
-    assert {name.removeprefix("real_time: ") for name, met in told.items() if not met} == missed
-    assert len(told) == 5
+    found = bars(report(**changed))
+    assert {name.removeprefix("real_time: ") for name, met in found.items() if not met} == missed
+    assert len(found) == 5

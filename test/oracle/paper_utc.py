@@ -10,7 +10,7 @@ This module must never import the code under test.
 Notation: U = [Cm_damp_yaw, k_right, k_left, alpha], m = 4 controls; alpha is always the last element.
 Y are the l outputs at the horizon, r = yr_ref on the grid of steps, N = t_pred / dt prediction steps.
 U_k/k is the control that acts up to step k; the step computes U_k+1/k+1, which acts on [t_k, t_k+1).
-Where the paper can be read in more than one way, the reading is an argument; see `Settings`.
+Where the paper can be read in more than one way, the variant is an argument; see `Settings`.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def s14_sequence(
     reference: ArrayLike,
     k_hyst: int,
     steps: int,
-    reading: str = "printed",
+    variant: str = "printed",
     times_reference_sign: bool = False,
     initial: float = -1.0,
     initial_reference_sign: float = 1.0,
@@ -132,9 +132,9 @@ def s14_sequence(
         s14(k)        = -sign(Delta(k))        if s14(k-1) > 0
                         -sign(Delta_hyst(k))   if s14(k-1) <= 0
 
-    reading 'printed':        the recursion above.
-    reading 'no_hysteresis':  s14(k) = -sign(Delta(k)) at every k.
-    reading 'look_ahead':     s14(k) = -sign(Delta_hyst(k)) at every k.
+    variant 'printed':        the recursion above.
+    variant 'no_hysteresis':  s14(k) = -sign(Delta(k)) at every k.
+    variant 'look_ahead':     s14(k) = -sign(Delta_hyst(k)) at every k.
     times_reference_sign:     the result is s14(k) sign(yr_ref(k)); the recursion runs on the raw s14.
 
     sign(0) keeps the previous value: s14(k) = s14(k-1) if the difference in use is zero (so it is the
@@ -147,10 +147,10 @@ def s14_sequence(
     raw, reference_sign, result = initial, initial_reference_sign, []
     for k in range(steps):
         delta = abs(r[k + 1]) - abs(r[k])
-        if reading == "look_ahead" or (reading == "printed" and raw <= 0.0):
+        if variant == "look_ahead" or (variant == "printed" and raw <= 0.0):
             delta = abs(r[k + k_hyst + 1]) - abs(r[k + k_hyst])
-        elif reading not in ("printed", "no_hysteresis"):
-            raise ValueError(f"unknown reading {reading!r}")
+        elif variant not in ("printed", "no_hysteresis"):
+            raise ValueError(f"unknown variant {variant!r}")
         if not (k == 0 and first_step_is_initial):
             raw = sign_or_keep(-delta, raw)
         reference_sign = sign_or_keep(r[k], reference_sign)
@@ -196,7 +196,7 @@ def sigma_points(U: ArrayLike, P: ArrayLike, W0: float) -> Array:
     return np.vstack([U[None, :], U + offsets, U - offsets])
 
 
-def weights(m: int, W0: float, reading: str = "eq:sigp") -> Array:
+def weights(m: int, W0: float, variant: str = "eq:sigp") -> Array:
     """W^0 .. W^2m.
 
     'eq:sigp':   W^0 = W0, W^i = (1 - W0) / (2m) for i = 1 .. 2m; they sum to 1.
@@ -204,10 +204,10 @@ def weights(m: int, W0: float, reading: str = "eq:sigp") -> Array:
                  (1 - W0) (2m + 1) / (2m), .844 for m = 4 and W0 = .25.
     """
     W = np.full(2 * m + 1, (1.0 - W0) / (2.0 * m))
-    if reading == "eq:sigp":
+    if variant == "eq:sigp":
         W[0] = W0
-    elif reading != "eq:zpred":
-        raise ValueError(f"unknown reading {reading!r}")
+    elif variant != "eq:zpred":
+        raise ValueError(f"unknown variant {variant!r}")
     return W
 
 
@@ -260,12 +260,12 @@ def alpha_positional(r: float, y: float, r_ahead: float, Kp: float, KFF: float) 
     return Kp * (r - y) + KFF * r_ahead
 
 
-# --------------------------------------------------------------------------- settings and readings
+# --------------------------------------------------------------------------- settings and variants
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Numbers of the paper, then the readings. Defaults: unknown dynamics of alpha, 20 steps."""
+    """Numbers of the paper, then the variants. Defaults: unknown dynamics of alpha, 20 steps."""
 
     dt: float = 0.0042
     N: int = 20

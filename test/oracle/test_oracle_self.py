@@ -94,7 +94,7 @@ def test_s14_on_a_hand_worked_reference() -> None:
     assert pu.s14_sequence(reference, 2, 4, "printed").tolist() == [-1, 1, -1, 1]
     # s14(k-1) = 0 belongs to the look-ahead branch.
     assert pu.s14_sequence(reference, 3, 1, "printed", initial=0.0).tolist() == [1]
-    with pytest.raises(ValueError, match="unknown reading"):
+    with pytest.raises(ValueError, match="unknown variant"):
         pu.s14_sequence(reference, 2, 4, "other")
 
 

@@ -64,8 +64,8 @@ def test_fall_rate_lies_in_its_range(name):
     model, fall = model_and_fall(name, suit)
     assert fall.facing == facing
     assert low <= fall.fall_rate <= high
-    told = (fall.fall_rate, np.rad2deg(fall.glide_angle), np.rad2deg(fall.pitch))
-    np.testing.assert_allclose(told, flies, atol=0.1)
+    found = (fall.fall_rate, np.rad2deg(fall.glide_angle), np.rad2deg(fall.pitch))
+    np.testing.assert_allclose(found, flies, atol=0.1)
     assert np.abs(fall.residual).max() < 1e-6
     eigenvalues = np.linalg.eigvals(linearise(HeldBody(model, np.array([0.5, 0.0, 0.0, 0.0])), fall))
     assert eigenvalues.real.max() < 0

@@ -171,9 +171,9 @@ def test_the_skydiver_near_a_steady_turn_follows_the_linear_loop():
 
 
 def test_the_verb_tells_all_in_json():
-    told = CliRunner().invoke(main, ["stability", "--alpha", "0.2", "--json"])
-    assert told.exit_code == 0
-    values = json.loads(told.stdout)
+    found = CliRunner().invoke(main, ["stability", "--alpha", "0.2", "--json"])
+    assert found.exit_code == 0
+    values = json.loads(found.stdout)
     assert values["stable"]
     assert values["states_of_rest"] == 3
     assert values["measured_decay"] == pytest.approx(values["decay"], rel=1e-3)
@@ -191,10 +191,10 @@ def test_the_verb_tells_all_in_json():
     ],
 )
 def test_what_cannot_be_analysed_is_refused_in_one_sentence(arguments, words):
-    told = CliRunner().invoke(main, ["stability", *arguments])
-    assert told.exit_code == 2
-    assert words in told.stderr
-    assert len(told.stderr.splitlines()) == 1
+    found = CliRunner().invoke(main, ["stability", *arguments])
+    assert found.exit_code == 2
+    assert words in found.stderr
+    assert len(found.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize(
@@ -240,10 +240,10 @@ def test_a_whole_matrix_qu_couples_the_controls(tmp_path):
 @pytest.mark.filterwarnings("error")
 def test_a_plant_that_grows_past_all_bounds_is_refused_in_one_sentence(tmp_path):
     plant = own_plant(tmp_path, "A: [[400]]")
-    told = CliRunner().invoke(main, ["stability", "--plant", plant, "--steps", "500"])
-    assert told.exit_code == 2
-    assert "grows past 1e+60 within 24 of 500 prediction steps: take fewer --steps" in told.stderr
-    assert len(told.stderr.splitlines()) == 1
+    found = CliRunner().invoke(main, ["stability", "--plant", plant, "--steps", "500"])
+    assert found.exit_code == 2
+    assert "grows past 1e+60 within 24 of 500 prediction steps: take fewer --steps" in found.stderr
+    assert len(found.stderr.splitlines()) == 1
 
 
 def own_plant(folder, *lines):

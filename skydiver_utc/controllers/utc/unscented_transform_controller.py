@@ -41,7 +41,7 @@ class UnscentedTransformController:
 
     settings: `UtcSettings`; plant: offers model, limits and names; outputs: names of the outputs that the reference is
     for, all of the plant's without; dt_s: that of the plant
-    dynamics: control_dynamics(point (m,), control (m,) before, state (n,), preview (N+1, l), j) -> control (m,) on step
+    dynamics: dynamics(point (m,), control (m,) before, state (n,), preview (N+1, l), j) -> control (m,) on step
         j of the horizon, plain or jitted; U^i of eq:xpred is then the control on the first step. None: as in settings
     A setting that does not fit the plant is a ValueError. For a plant that is a function, `of` makes all of it.
 

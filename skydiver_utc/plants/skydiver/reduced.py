@@ -17,8 +17,6 @@ from skydiver_utc.rotations import attitude_with_up, world_up
 
 Array = NDArray[np.float64]
 
-REDUCED_SIZE = 8
-
 
 def reduced(state: Array) -> Array:
     """The eight states (8,) of a state (13,)."""

@@ -20,7 +20,7 @@ BODY = CART.replace("own_slots:Cart", "own_slots:Body")
 
 
 class Vehicle:
-    """Publishes its state at its own times until it is told to stop; takes commands of a type."""
+    """Publishes its state at its own times until it has to stop; takes commands of a type."""
 
     def __init__(self, ros: Ros, state: topics.Topic, command: str, *, rate_hz: float = 130.0) -> None:
         self.sent: list[Any] = []
