@@ -2,7 +2,8 @@
 """From plain data to a checked `Scenario`; the error names every wrong field, each in one clause."""
 
 import difflib
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -14,8 +15,17 @@ from skydiver_utc.parameters.scenario import SLOTS, Scenario
 
 _DEFAULTS: Mapping[str, Any] = {"estimator": {"kind": "true_state"}, "disturbances": []}
 _MOST_SHOWN = 10
-# What a field must be, where pydantic's own words are those of Python.
+# What a field must be, by pydantic's type of error and with the values of its context.
 _EXPECTED = {
+    "greater_than": "greater than {gt:g}",
+    "greater_than_equal": "at least {ge:g}",
+    "less_than": "less than {lt:g}",
+    "less_than_equal": "at most {le:g}",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "float_parsing": "a number",
+    "bool_parsing": "true or false",
     "model_type": "a block of named values",
     "dict_type": "a block of named values",
     "tuple_type": "a list",
@@ -47,9 +57,7 @@ def convert(content: Mapping[str, Any], origin: str) -> Scenario:
     except ValidationError as error:
         known = list(_field_names(Scenario))
         known += [f"{name}.{field}" for name in SLOTS for field in _field_names(type(blocks.get(name)))]
-        errors += [
-            _clause(e, "", blocks, known) for e in error.errors() if e["loc"][:1] not in {(n,) for n in wrong}
-        ]
+        errors += _clauses((e for e in error.errors() if not set(e["loc"][:1]) & wrong), "", blocks, known)
     if errors:
         more = len(errors) - _MOST_SHOWN
         shown = [*errors[:_MOST_SHOWN], *([f"and {more} more"] if more > 0 else [])]
@@ -90,13 +98,19 @@ def _settings(slot: str, name: str, block: Any, errors: list[str]) -> Any:
 
 def field_errors(error: ValidationError, block: Any, model: type[BaseModel], prefix: str = "") -> list[str]:
     """One clause for each wrong field of a block, whose dotted names begin with the prefix."""
-    known = list(_field_names(model))
-    return [_clause(e, prefix, block, known) for e in error.errors()]
+    return _clauses(error.errors(), prefix, block, list(_field_names(model)))
 
 
-def _clause(error: ErrorDetails, prefix: str, block: Any, known: list[str]) -> str:
+def _clauses(errors: Iterable[ErrorDetails], prefix: str, block: Any, known: list[str]) -> list[str]:
+    """One clause for each wrong field; of a field that may be one of several types, what the first type must be."""
+    first: dict[str, ErrorDetails] = {}
+    for error in errors:
+        first.setdefault(".".join(_place(error, block)), error)
+    return [_clause(error, place, prefix, known) for place, error in first.items()]
+
+
+def _clause(error: ErrorDetails, place: str, prefix: str, known: list[str]) -> str:
     """One wrong field: its dotted name, what is wrong and what to do."""
-    place = ".".join(_place(error, block))
     name = prefix + place
     context = error.get("ctx", {})
     match error["type"]:
@@ -114,7 +128,7 @@ def _clause(error: ErrorDetails, prefix: str, block: Any, known: list[str]) -> s
             choices = context["expected_tags"].replace("'", "")
             return f"parameter {name}.kind: there is no {context['tag']!r}, choose one of {choices}"
         case "literal_error":
-            choices = context["expected"].replace("'", "").replace(" or ", ", ")
+            choices = ", ".join(re.findall("'([^']*)'", context["expected"]))
             return f"parameter {name}: there is no {error['input']!r}, choose one of {choices}"
         case "too_short" | "too_long":
             size = context.get("min_length", context.get("max_length"))
@@ -122,7 +136,7 @@ def _clause(error: ErrorDetails, prefix: str, block: Any, known: list[str]) -> s
         case "value_error":
             return f"{name.rstrip('.')}: {context['error']}" if name else str(context["error"])
         case kind:
-            expected = _EXPECTED.get(kind, error["msg"].removeprefix("Input should be "))
+            expected = _EXPECTED.get(kind, kind.replace("_", " ")).format(**context)
             found = error["input"]
             shown = f", found {found!r}" if found is None or isinstance(found, str | int | float) else ""
             return f"parameter {name} must be {expected}{shown}"
