@@ -99,7 +99,7 @@ def of_skydiver(scenario: Scenario, alpha: float) -> Tuned:
         _definite(schedule.process_noise(preview), parameters.covariance_floor or 0.0),
         np.diag(np.array(variances, dtype=float)),
         0.0,
-        f"skydiver of {scenario.name}, {np.rad2deg(fall.yaw_rate):.1f} deg/s at alpha = {alpha:g} rad,"
+        f"skydiver of {scenario.name}, {round(np.rad2deg(fall.yaw_rate), 1) + 0.0:.1f} deg/s at alpha = {alpha:g} rad,"
         f" Cm_damp_yaw = {control[0]:g}",
     )
 
