@@ -15,5 +15,3 @@ sys.path[:0] = [str(HERE / "helpers"), str(HERE / "oracle"), str(HERE.parent / "
 # No example is timed: the machine may be shared.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
-# Until no test imports another one.
-sys.path += [str(folder) for folder in HERE.glob("**/") if folder.name not in ("__pycache__", "data")]

@@ -16,6 +16,7 @@ from skydiver_utc.analysis.style import png
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.screen import show_metrics
 from skydiver_utc.loop.run import Run
+from skydiver_utc.parameters.run_folder import FIGURE_FILE, METRICS_FILE, REPORT_FILE, VERSIONS_FILE
 
 
 def analyse(folder: Path, as_json: bool) -> Run:
@@ -55,10 +56,10 @@ def examine(folder: Path) -> tuple[Run, dict[str, Any]]:
         "reference_steps_not_recorded": recording.reference_added,
     }
     figure = png(tracking_figure(run))
-    report = report_html(run, values, figure, _versions(folder / "versions.json"))
-    (folder / "metrics.json").write_text(to_json(values) + "\n", encoding="utf-8")
-    (folder / "tracking.png").write_bytes(figure)
-    (folder / "report.html").write_text(report, encoding="utf-8")
+    report = report_html(run, values, figure, _versions(folder / VERSIONS_FILE))
+    (folder / METRICS_FILE).write_text(to_json(values) + "\n", encoding="utf-8")
+    (folder / FIGURE_FILE).write_bytes(figure)
+    (folder / REPORT_FILE).write_text(report, encoding="utf-8")
     return run, values
 
 

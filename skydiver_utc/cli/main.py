@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``skydiver-utc``: options and help of every command. Only click is imported here."""
+"""``skydiver-utc``: options and help of every command; what a command needs is imported when it runs."""
 
 import sys
 from functools import partial
@@ -9,12 +9,13 @@ from typing import Any, NoReturn
 
 import click
 
+from skydiver_utc import __version__
 from skydiver_utc.plants.skydiver.pattern_kinds import DEFAULT_KIND, PATTERN_KINDS
 
 _EXIT_CODES = """\b
 exit code
     0  the run reached its end (outcome completed or rolled_over)
-    1  it ended before: diverged, no_command, no_clock, aborted, or a node failed
+    1  it ended before: diverged, no_command, aborted, or a node failed
     2  the input is wrong: one sentence says why, nothing was started
   130  stopped with Ctrl-C
 """
@@ -83,21 +84,7 @@ def _run(module: str, function: str, **options: Any) -> NoReturn:
     raise SystemExit(command(**options) or 0)
 
 
-def _show_version(ctx: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
-    if wanted:
-        from importlib.metadata import PackageNotFoundError, version
-
-        try:
-            click.echo(version("skydiver_utc"))
-        except PackageNotFoundError:
-            click.echo("not installed, used from a checkout")
-        ctx.exit()
-
-
-_version = click.option(
-    "--version", is_flag=True, expose_value=False, is_eager=True, callback=_show_version,
-    help="Show the version and exit.",
-)  # fmt: skip
+_version = click.version_option(__version__, message="%(version)s")
 _scenario = click.argument("scenario", metavar="SCENARIO")
 _run_folder = click.argument("folder", metavar="RUN", type=_PATH)
 _settings = click.option(
@@ -207,7 +194,9 @@ def recover(**options: Any) -> None:
 @click.option("--start", type=float, metavar="S", help="Begin this many seconds after the first message.")
 @click.option("--loop", is_flag=True, help="Begin again at the end, until interrupted.")
 @click.option(
-    "--topics", metavar="NAME,...", help="Only these topics, and /clock; state is that of the skydiver."
+    "--topics",
+    metavar="NAME,...",
+    help="Only these topics, and /clock; relative names are in the recorded namespace.",
 )
 @click.option("--check", is_flag=True, help="Compare the controller's commands with the recorded ones.")
 @click.option(

@@ -4,6 +4,7 @@
 import time
 import uuid
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from typing import Any, ClassVar
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -212,8 +213,11 @@ class ScenarioNode(ManagedNode):
             if status.name != self._full_name:
                 continue
             values = {pair.key: pair.value for pair in status.values}
-            if values["id"] != self._id and (float(values["age_s"]), values["id"]) > (self._age_s, self._id):
-                self._refuse_for(self._full_name)
+            other, age = values.get("id", self._id), values.get("age_s", "")
+            # A status of this name without an age is not of a node of this package.
+            with suppress(ValueError):
+                if other != self._id and (float(age), other) > (self._age_s, self._id):
+                    self._refuse_for(self._full_name)
 
     def _refuse_for(self, other: str) -> None:
         topic = self.resolve_topic_name(self.MAIN.name)

@@ -23,6 +23,7 @@ from skydiver_utc.nodes.node import ScenarioNode, wait_for_subscribers
 from skydiver_utc.nodes.plant_topics import PlantTopics
 from skydiver_utc.nodes.process import run
 from skydiver_utc.parameters import to_yaml
+from skydiver_utc.parameters.exit_codes import FAILED
 
 _PROGRESS_PERIOD_S = 0.5
 _LAST_ACKNOWLEDGEMENT_S = 10.0  # the subscribers may need what they missed a second time
@@ -176,7 +177,7 @@ class PlantNode(ScenarioNode):
         """End a run that still goes on, then wait until the subscribers have everything."""
         self._abort("stopped by a signal")
         wait_for_subscribers(self, self._advertised.values(), _LAST_ACKNOWLEDGEMENT_S)
-        return super().close() or (0 if self.outcome in _EXIT_ZERO else 1)
+        return super().close() or (0 if self.outcome in _EXIT_ZERO else FAILED)
 
     def _create_pace(self) -> RealTimePace:
         s, dt_s = self.settings, self.scenario.dt_s

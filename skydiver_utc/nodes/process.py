@@ -15,9 +15,9 @@ from types import FrameType
 
 from skydiver_utc.nodes import discovery
 from skydiver_utc.parameters.errors import ParameterError
+from skydiver_utc.parameters.exit_codes import REFUSED
 from skydiver_utc.parameters.node_usage import usage
 
-REFUSED = 2  # the exit code of a node that cannot take part
 _LOOK_S = 1.5  # discovery takes this long, on a busy machine longer
 _WAIT_S = 0.05
 _LONGEST_END_S = 5

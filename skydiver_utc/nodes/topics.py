@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every topic in one table: name, type, quality of service, who publishes, who must be subscribed."""
+"""Every topic in one table: name, type, quality of service, who must be subscribed."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,7 +19,6 @@ PLANT = "plant"
 REFERENCE = "reference"
 CONTROLLER = "controller"
 RECORDER = "recorder"
-EVERY_NODE = "every node"
 
 
 def _quality(depth: int, durability: QoSDurabilityPolicy) -> QoSProfile:
@@ -49,7 +48,6 @@ class Topic:
     name: str
     type: Any
     qos: QoSProfile
-    publisher: str
     subscribers: tuple[str, ...] = ()  # nodes that must get every message, from the first on
     fewer_than_states: int | None = None  # a run of n states has n minus this; None: not one each step
     recorded: bool = True
@@ -70,20 +68,20 @@ class Topic:
         return bool(self.qos.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL)
 
 
-SCENARIO = Topic("scenario", String, LATCHED, PLANT)
-CLOCK = Topic("/clock", Clock, EACH_STEP, PLANT, fewer_than_states=0, needed=True)
-STATE = Topic("state", Odometry, EACH_STEP, PLANT, (CONTROLLER,), fewer_than_states=0, needed=True)
-REFERENCE_PREVIEW = Topic("reference", JointTrajectory, CHUNKS, REFERENCE, needed=True)
-SETPOINT = Topic("reference/setpoint", JointState, EACH_STEP, REFERENCE, fewer_than_states=0)
-CHANGES = Topic("changes", String, EACH_STEP, CONTROLLER)
-COMMAND = Topic("command", JointState, EACH_STEP, CONTROLLER, (PLANT,), fewer_than_states=1, needed=True)
-TELEMETRY = Topic("controller/telemetry", JointState, EACH_STEP, CONTROLLER, fewer_than_states=1)
-APPLIED_COMMAND = Topic("applied_command", JointState, EACH_STEP, PLANT, fewer_than_states=1, needed=True)
-JOINT_STATES = Topic("joint_states", JointState, EACH_STEP, PLANT)
-DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, EACH_STEP, EVERY_NODE)
-OUTCOME = Topic("outcome", String, LATCHED, PLANT)
-RECORDER_READY = Topic("recorder/ready", String, LATCHED, RECORDER, recorded=False)
-STICK = Topic("stick", TwistStamped, EACH_AS_IT_COMES, "a stick")
+SCENARIO = Topic("scenario", String, LATCHED)
+CLOCK = Topic("/clock", Clock, EACH_STEP, fewer_than_states=0, needed=True)
+STATE = Topic("state", Odometry, EACH_STEP, (CONTROLLER,), fewer_than_states=0, needed=True)
+REFERENCE_PREVIEW = Topic("reference", JointTrajectory, CHUNKS, needed=True)
+SETPOINT = Topic("reference/setpoint", JointState, EACH_STEP, fewer_than_states=0)
+CHANGES = Topic("changes", String, EACH_STEP)
+COMMAND = Topic("command", JointState, EACH_STEP, (PLANT,), fewer_than_states=1, needed=True)
+TELEMETRY = Topic("controller/telemetry", JointState, EACH_STEP, fewer_than_states=1)
+APPLIED_COMMAND = Topic("applied_command", JointState, EACH_STEP, fewer_than_states=1, needed=True)
+JOINT_STATES = Topic("joint_states", JointState, EACH_STEP)
+DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, EACH_STEP)
+OUTCOME = Topic("outcome", String, LATCHED)
+RECORDER_READY = Topic("recorder/ready", String, LATCHED, recorded=False)
+STICK = Topic("stick", TwistStamped, EACH_AS_IT_COMES)
 
 # In causal order within one step: messages of one instant are recorded in this order.
 TOPICS = (

@@ -8,6 +8,7 @@ from pathlib import Path
 SCENARIO_FILE = "scenario.yaml"
 VERSIONS_FILE = "versions.json"
 METRICS_FILE = "metrics.json"
+FIGURE_FILE = "tracking.png"
 REPORT_FILE = "report.html"
 
 

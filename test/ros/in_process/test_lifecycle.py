@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
 from own_slots import cart_file
@@ -228,3 +229,22 @@ def test_what_a_node_refused_is_in_its_diagnostics(ros: Ros, tmp_path: Path) -> 
     ros.spin_until(
         lambda: any(p.key == "refused_stamp" and p.value == "1" for m in messages for p in m.status[0].values)
     )
+
+
+@pytest.mark.parametrize("values", [{}, {"id": "another", "age_s": "old"}])
+def test_a_foreign_status_of_its_name_does_not_end_a_node(
+    ros: Ros, tmp_path: Path, values: dict[str, str]
+) -> None:
+    """Only the age of another node of this package makes a node the second of its name."""
+    stage = Stage(ros, tmp_path)
+    reference = stage.add("reference")
+    diagnostics = stage.spectator.publisher(topics.DIAGNOSTICS)
+    ros.spin_until(lambda: diagnostics.get_subscription_count() and reference.active)
+    pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+    status = DiagnosticStatus(name="skydiver/reference", values=pairs)
+    clocks = stage.spectator.publisher(topics.CLOCK)
+    ros.spin_until(clocks.get_subscription_count)
+    diagnostics.publish(topics.DIAGNOSTICS.type(status=[status]))
+    clocks.publish(topics.CLOCK.type())
+    ros.spin_until(lambda: reference.refusals.counts["stamp"] == 1)
+    assert reference.active
