@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How well a skydiver meets the targets, stage by stage: trim, design, statics, each flight.
 
-A stage is not begun where an earlier one is far off, so that most of the time goes to skydivers that nearly fit.
+A stage is not begun where an earlier one misses all its targets by far, so that most of the time goes to skydivers that
+nearly fit.
 """
 
 import math
@@ -26,7 +27,7 @@ Array = NDArray[np.float64]
 _MARGIN = 0.1
 # The most that a target costs, and what each costs that is not reached.
 _LARGEST_COST = 3.0
-# Beyond a factor of 3 no later stage is begun.
+# Where all targets of a stage are missed by more than a factor of 3 no later one is begun.
 _TOO_FAR = math.asinh(3.0) - math.asinh(1.0)
 
 
@@ -65,7 +66,7 @@ def evaluate(calibration: Calibration, start: Scenario, numbers: Mapping[str, fl
         candidate = build_candidate(calibration, start, numbers)
         for stage in _stages(calibration, candidate):
             judged += stage
-            if max((one.miss for one in stage), default=0.0) > _TOO_FAR:
+            if min((one.miss for one in stage), default=0.0) > _TOO_FAR:
                 break
     except ParameterError as refused:
         error = str(refused)
