@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of docs/tuning.md: for each step of the recipe right and wrong settings side by side.
+"""The figures of docs/tuning.md: for each step of the recipe right and wrong settings of the athlete side by side.
 
 ``python benchmarks/tuning_guide.py docs/figures/tuning``
 """
@@ -14,8 +14,8 @@ from skydiver_utc.analysis.style import png
 from skydiver_utc.studies.cases import Case, case, run_all, whole
 from skydiver_utc.studies.paper_cases import PI, UNKNOWN
 
-# The athlete with the paper's hand force of the other direction: his hands bank him and slow his fall.
-STRONG_HANDS = (("plant.skydiver", "athlete"), ("plant.hands.force", "dorsal"), ("plant.hands.K_N", 100.0))
+# The paper's hand force in the other direction: the hands bank the athlete and slow his fall.
+STRONG_HANDS = (("plant.hands.force", "dorsal"), ("plant.hands.K_N", 100.0))
 ROLL_RATE = ("controller.outputs.roll_rate", {"reference": 0.0, "P_err": 1e-4})
 FALL_RATE = ("controller.outputs.fall_rate", {"reference": 57.2, "P_err": 0.05})
 
@@ -26,6 +26,10 @@ class Step(NamedTuple):
     name: str
     title: str
     cases: dict[str, Case]
+
+
+def _athlete(scenario: str, *settings: tuple[str, object]) -> Case:
+    return case(scenario, ("plant.skydiver", "athlete"), *settings)
 
 
 def _nominal(damping: float, hands: float) -> tuple[str, object]:
@@ -44,27 +48,27 @@ STEPS = (
         "1_weight",
         "W0: how far the sigma points reach",
         {
-            "W0 = -1: close": case(PI, ("controller.W0", -1.0)),
-            "W0 = 0.25": case(PI),
-            "W0 = 0.9: far": case(PI, ("controller.W0", 0.9)),
+            "W0 = -1: close": _athlete(PI, ("controller.W0", -1.0)),
+            "W0 = 0.25": _athlete(PI),
+            "W0 = 0.9: far": _athlete(PI, ("controller.W0", 0.9)),
         },
     ),
     Step(
         "2_error",
         "P_err: how accurately to track",
         {
-            "P_err = 1e-6": case(UNKNOWN, ("controller.P_err", 1e-6)),
-            "P_err = 1e-4": case(UNKNOWN),
-            "P_err = 1: hardly tracks": case(UNKNOWN, ("controller.P_err", 1.0)),
+            "P_err = 1e-6": _athlete(UNKNOWN, ("controller.P_err", 1e-6)),
+            "P_err = 1e-4": _athlete(UNKNOWN),
+            "P_err = 1: hardly tracks": _athlete(UNKNOWN, ("controller.P_err", 1.0)),
         },
     ),
     Step(
         "3_covariance",
         "Variances and coupling: how far each control moves, and which move together",
         {
-            "damping variance / 100": case(UNKNOWN, ("controller.Pu.Cm_damp_yaw", 0.0625)),
-            "as it is": case(UNKNOWN),
-            "no covariances at all": case(
+            "damping variance / 100": _athlete(UNKNOWN, ("controller.Pu.Cm_damp_yaw", 0.0625)),
+            "as it is": _athlete(UNKNOWN),
+            "no covariances at all": _athlete(
                 UNKNOWN, ("controller.coupling.signs", "none"), ("controller.coupling.alpha", 0.0)
             ),
         },
@@ -73,44 +77,44 @@ STEPS = (
         "4_noise",
         "Qu: how much the spread of the sigma points grows in each step",
         {
-            "Qu = 0.001 Pu": case(UNKNOWN, ("controller.Qu_ratio", 0.001)),
-            "Qu = 0.1 Pu": case(UNKNOWN),
-            "Qu = 3 Pu": case(UNKNOWN, ("controller.Qu_ratio", 3.0)),
+            "Qu = 0.001 Pu": _athlete(UNKNOWN, ("controller.Qu_ratio", 0.001)),
+            "Qu = 0.1 Pu": _athlete(UNKNOWN),
+            "Qu = 3 Pu": _athlete(UNKNOWN, ("controller.Qu_ratio", 3.0)),
         },
     ),
     Step(
         "5_horizon",
         "Horizon: as long as the slowest actuator needs",
         {
-            "N = 5": case(UNKNOWN, ("controller.horizon_steps", 5)),
-            "N = 20": case(UNKNOWN),
-            "N = 60": case(UNKNOWN, ("controller.horizon_steps", 60)),
+            "N = 5": _athlete(UNKNOWN, ("controller.horizon_steps", 5)),
+            "N = 20": _athlete(UNKNOWN),
+            "N = 60": _athlete(UNKNOWN, ("controller.horizon_steps", 60)),
         },
     ),
     Step(
         "6_dynamics",
         "Dynamics of alpha inside the horizon",
         {
-            "held, N = 5": case(UNKNOWN, ("controller.horizon_steps", 5)),
-            "proportional, N = 5": case(PI),
+            "held, N = 5": _athlete(UNKNOWN, ("controller.horizon_steps", 5)),
+            "proportional, N = 5": _athlete(PI),
         },
     ),
     Step(
         "7_outputs",
         "Outputs: what else must not move",
         {
-            "yaw rate alone, strong hands": case(PI, *STRONG_HANDS),
-            "and roll rate": case(PI, *STRONG_HANDS, ROLL_RATE),
-            "and roll and fall rate": case(PI, *STRONG_HANDS, ROLL_RATE, FALL_RATE),
+            "yaw rate alone, strong hands": _athlete(PI, *STRONG_HANDS),
+            "and roll rate": _athlete(PI, *STRONG_HANDS, ROLL_RATE),
+            "and roll and fall rate": _athlete(PI, *STRONG_HANDS, ROLL_RATE, FALL_RATE),
         },
     ),
     Step(
         "8_rest",
         "Nominal control: the controls that the outputs leave free",
         {
-            "none": case(UNKNOWN),
-            "with nominal values": case(UNKNOWN, _nominal(damping=0.05, hands=1.0)),
-            "variances / 100: too tight": case(UNKNOWN, _nominal(damping=0.0005, hands=0.01)),
+            "none": _athlete(UNKNOWN),
+            "with nominal values": _athlete(UNKNOWN, _nominal(damping=0.05, hands=1.0)),
+            "variances / 100: too tight": _athlete(UNKNOWN, _nominal(damping=0.0005, hands=0.01)),
         },
     ),
 )  # fmt: skip

@@ -186,7 +186,7 @@ def test_the_verb_tells_all_in_json():
         (["fast_turn_pi_dynamics"], "take fast_turn_unknown_dynamics"),
         (["--plant", "nothing"], "choose one of admire"),
         (["--plant", "admire", "--set", "controller.W0=0"], "neither --set nor --alpha"),
-        (["--alpha", "40"], "take a smaller --alpha"),
+        (["--alpha", "20"], "take a smaller --alpha"),
         (["--alpha", "0.2", "--set", "controller.nominal.alpha={value: 0, variance: 1}"], "nominal alpha"),
     ],
 )
