@@ -35,6 +35,7 @@ from skydiver_utc.references.profiles import Constant, Rotation, Sine
 
 CONTROL_COLOURS = (GREEN, VERMILLION, PURPLE, BLUE)
 Floats = NDArray[np.float64]
+_LEAST_RANGE = 1e-6  # of an axis, in its unit
 Panel = tuple[float, Callable[[Axes], None]]  # height, and how to draw it
 
 
@@ -107,6 +108,9 @@ def _draw_title(figure: Figure, run: Run, values: dict[str, Any]) -> None:
 def _draw_output(axes: Axes, run: Run, name: str) -> None:
     scale = shown(run.plant, name)
     axes.plot(run.time_s, scale.factor * run.output(name), color=BLUE, linewidth=1.3)
+    low, high = axes.get_ylim()
+    if high - low < _LEAST_RANGE:  # else an output that is zero shows its rounding
+        axes.set_ylim(0.5 * (low + high - _LEAST_RANGE), 0.5 * (low + high + _LEAST_RANGE))
     axes.set_ylabel(scale.label.replace(" [", "\n["))
 
 
