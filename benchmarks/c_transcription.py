@@ -114,8 +114,9 @@ class CUtc:
             not isinstance(parameters, UtcSettings)
             or parameters.dynamics is not None
             or parameters.coupling is None
+            or parameters.coupling.alpha_sign != "reference"
         ):
-            raise ValueError("c/utc_step.c transcribes UTC with unknown dynamics of alpha only")
+            raise ValueError("c/utc_step.c transcribes UTC with unknown dynamics of alpha and eq:s14 only")
         self._library, self._parameters = loaded, parameters
         plant = SkydiverPlant(scenario.plant, scenario.dt_s)
         self._model = plant.constants
@@ -135,7 +136,7 @@ class CUtc:
         reach = max(parameters.steps[-1], schedule.preview_steps) + 1
         profile = np.ascontiguousarray(profile.reshape(len(profile)))
         covariance = schedule.initial_covariance(profile[:reach])
-        Qu = np.array([schedule.process_noise(profile[k : k + reach]) for k in range(steps)])
+        Qu = np.array([schedule.process_noise(profile[k : k + reach], self._start) for k in range(steps)])
         self._references = profile[parameters.horizon_steps :].tolist()
         self._utc.U = _FOUR(*self._start)
         for row, values in zip(self._utc.Pu, covariance, strict=True):

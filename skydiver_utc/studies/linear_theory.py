@@ -96,7 +96,7 @@ def of_skydiver(scenario: Scenario, alpha: float) -> Tuned:
         with_outputs_of_controls(LinearModel(A, B, _outputs(fall, tracked)[used]), drawn),
         parameters.steps[-1],
         scenario.dt_s,
-        _definite(schedule.process_noise(preview), parameters.covariance_floor or 0.0),
+        _definite(schedule.process_noise(preview, control), parameters.covariance_floor or 0.0),
         np.diag(np.array(variances, dtype=float)),
         0.0,
         f"skydiver of {scenario.name}, {round(np.rad2deg(fall.yaw_rate), 1) + 0.0:.1f} deg/s at alpha = {alpha:g} rad,"

@@ -16,6 +16,7 @@ DT = 0.0042
 TURN = "fast_turn_unknown_dynamics"
 COUPLING = load_scenario(TURN).controller.coupling
 NAMES = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
+INITIAL = np.array(paper.U_INITIAL)
 RATE = np.array([np.inf, np.inf, np.inf, paper.SLEW])
 
 
@@ -171,7 +172,7 @@ def test_s14_over_the_whole_turn():
     steps = turn.scenario.steps
     signal = build_reference(turn.scenario).preview(0, steps + 300)[:, 0]
     found = schedule(238)
-    signs = [np.sign(found.process_noise(signal[k : k + 240])[0, 3]) for k in range(steps)]
+    signs = [np.sign(found.process_noise(signal[k : k + 240], INITIAL)[0, 3]) for k in range(steps)]
     np.testing.assert_array_equal(signs, paper.s14_sequence(signal, 238, steps, times_reference_sign=True))
 
 
@@ -186,7 +187,23 @@ def test_signs_of_the_process_noise(signs, label):
         s12, s13 = paper.coupling_signs(label, r[0], r[1])
         raw = paper.s14_sequence(r, 2, 1, initial=raw)[0]
         expected = paper.process_noise(s12, s13, raw * np.sign(r[0]))
-        np.testing.assert_allclose(tried.process_noise(r), expected, rtol=1e-15)
+        np.testing.assert_allclose(tried.process_noise(r, INITIAL), expected, rtol=1e-15)
+
+
+@pytest.mark.parametrize(("label", "signs"), [("eq_q1", "yaw_rate"), ("eq_q3", "yaw_acceleration")])
+def test_the_sign_by_the_damping(label, signs):
+    """s14 = sign(yr_ref), turned round without damping left; Qu is the nearest matrix that is a covariance."""
+    rng = np.random.default_rng(2)
+    tried = schedule(2, signs=signs, alpha_sign="damping", low_damping=0.1)
+    for Cm_damp in (0.01, 0.1, 0.11, 6.0) * 5:
+        r = rng.normal(size=4)
+        s14 = np.sign(r[0]) if Cm_damp > 0.1 else -np.sign(r[0])
+        printed = paper.process_noise(*paper.coupling_signs(label, r[0], r[1]), s14)
+        values, vectors = np.linalg.eigh(printed)
+        expected = sum(v * np.outer(x, x) for v, x in zip(values, vectors.T, strict=True) if v > 0.0)
+        found = tried.process_noise(r, np.array([Cm_damp, 0.0, 0.0, 0.0]))
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
+        assert np.sign(found[0, 3]) == s14
 
 
 def test_the_initial_covariance_is_the_printed_one():
@@ -204,5 +221,5 @@ def test_the_row_of_the_damping_grows_with_the_acceleration_ahead(change, share)
     expected = full.copy()
     expected[0, :] *= share
     expected[:, 0] = expected[0, :]
-    np.testing.assert_allclose(np.abs(tried.process_noise(preview)), expected, rtol=1e-12)
+    np.testing.assert_allclose(np.abs(tried.process_noise(preview, INITIAL)), expected, rtol=1e-12)
     np.testing.assert_array_equal(np.abs(tried.initial_covariance(preview)), 10.0 * full)

@@ -18,6 +18,10 @@ _LEAST_DEMAND = 0.02
 class CouplingSchedule:
     """Pu at k = 0 and Qu at each step, from the signs of the reference and of its change.
 
+    With `alpha_sign: damping`, which is not the paper's, alpha and the yaw damping brake one after the other: s14 is
+    positive while there is damping to hand over to alpha and negative when there is none, and the negative
+    eigenvalues that the printed numbers give Qu are dropped (docs/findings.md).
+
     variances (m, m) of the controls, without coupling; names of the controls, Cm_damp_yaw among them
     """
 
@@ -37,7 +41,7 @@ class CouplingSchedule:
         self.preview_steps = self._k_hyst + 1
         self._full_change = settings.full_acceleration * dt_s
         # A run needs few of them again and again: eq:s14 flips its sign each step while the turn speeds up.
-        self._scaled = lru_cache(maxsize=16)(lambda *found: Qu_ratio * self._matrix(*found))
+        self._scaled = lru_cache(maxsize=16)(lambda *found: Qu_ratio * self._noise(*found))
         self.reset()
 
     def reset(self) -> None:
@@ -51,11 +55,18 @@ class CouplingSchedule:
         s12, s13 = self._hand_signs(now, following)
         return self._matrix(s12, s13, self._signed(-1.0, now, preview), 1.0)
 
-    def process_noise(self, preview: Array) -> Array:
-        """Qu (m, m) at the step where the preview (count,) of the yaw rate starts; not to be written to."""
+    def process_noise(self, preview: Array, control: Array) -> Array:
+        """Qu (m, m) at the step where the preview (count,) of the yaw rate starts; not to be written to.
+
+        control (m,): the one in force
+        """
         now, following = preview[:2].tolist()
         s12, s13 = self._hand_signs(now, following)
-        return self._scaled(s12, s13, self._s14(now, following, preview), self._demand(preview))
+        if self._settings.alpha_sign == "damping":
+            s14 = 1.0 if control[self._row] > self._settings.low_damping else -1.0
+        else:
+            s14 = self._s14(now, following, preview)
+        return self._scaled(s12, s13, self._signed(s14, now, preview), self._demand(preview))
 
     def _hand_signs(self, now: float, following: float) -> tuple[float, float]:
         match self._settings.signs:
@@ -67,14 +78,14 @@ class CouplingSchedule:
                 return 0.0, 0.0
 
     def _s14(self, now: float, following: float, preview: Array) -> float:
-        """eq:s14; a sign of zero keeps the value before."""
+        """eq:s14 without the sign of the turn; a sign of zero keeps the value before."""
         before, after = now, following
         if self._s14_raw <= 0:
             before, after = preview[self._k_hyst : self._k_hyst + 2].tolist()
         change = abs(after) - abs(before)
         if change != 0.0:
             self._s14_raw = -_sign(change)
-        return self._signed(self._s14_raw, now, preview)
+        return self._s14_raw
 
     def _signed(self, s14: float, now: float, preview: Array) -> float:
         """s14 times the sign of the turn; a run that starts from zero takes the sign of the turn to come."""
@@ -90,6 +101,13 @@ class CouplingSchedule:
         if self._full_change == 0.0:
             return 1.0
         return float(np.clip(np.abs(np.diff(preview)).max() / self._full_change, _LEAST_DEMAND, 1.0))
+
+    def _noise(self, s12: float, s13: float, s14: float, demand: float) -> Array:
+        matrix = self._matrix(s12, s13, s14, demand)
+        if self._settings.alpha_sign == "damping":
+            values, vectors = np.linalg.eigh(matrix)
+            matrix = (vectors * np.maximum(values, 0.0)) @ vectors.T
+        return matrix
 
     def _matrix(self, s12: float, s13: float, s14: float, demand: float) -> Array:
         matrix, row = self._variances.copy(), self._row

@@ -45,6 +45,17 @@ class Coupling(Parameters):
     k_right: Size
     k_left: Size
     alpha: Size
+    alpha_sign: Annotated[
+        Literal["reference", "damping"],
+        text(
+            "sign of the coupling with alpha: by the change of the reference (eq:s14), or by the damping left, for"
+            " little sensitivity to tuning"
+        ),
+    ] = "reference"
+    low_damping: Annotated[
+        float,
+        quantity("1", "yaw damping coefficient up to which alpha_sign: damping is negative", ge=0, le=50),
+    ] = 0.06
     k_hyst_s: Annotated[
         float, quantity("s", "look-ahead of the sign of the coupling with alpha", ge=0, le=10)
     ] = 1.0
@@ -67,6 +78,12 @@ class ProportionalDynamics(Parameters):
     K_p: Gain = 1.5
     K_FF: Gain = 0.1
     tau_s: Annotated[float, quantity("s", "look-ahead of the feed-forward", ge=0, le=10)] = 0.0
+    saved: Annotated[
+        Literal["first_step", "drawn"],
+        text(
+            "U^i of eq:xpred: the control on the horizon's first step, which acts next, or the sigma point as drawn"
+        ),
+    ] = "first_step"
 
 
 class UtcSettings(SlotSettings):

@@ -112,6 +112,9 @@ class UnscentedTransformController:
             self._reference[size + k] = self._inside(f"nominal.{name}", drawn.value, controls.index(name))
 
         inside = self._dynamics_of(settings, plant, outputs, dynamics)
+        as_drawn = inside is None or (
+            dynamics is None and settings.dynamics is not None and settings.dynamics.saved == "drawn"
+        )
         self.preview_steps = settings.preview_steps(plant.dt_s)
         selected = [plant.output_names.index(name) for name in outputs] + further
         self._roll_out = RollOut(
@@ -125,7 +128,7 @@ class UnscentedTransformController:
             np.array(self._steps), at.points, at.outputs, weights(m, settings.W0), settings.W0, floor,
             1.0 - settings.forgetting_factor, self._limits, self._P_err, self._Qu_now, nominal, self._l, self._count,
             settings.aim == "tangent", np.zeros((2 * m + 1, L)) if len(nominal) else at.outputs,
-            at.points if inside is None else at.first, self._reference, self._predicted, self._innovation,
+            at.points if as_drawn else at.first, self._reference, self._predicted, self._innovation,
             self._control, self._Pu, np.empty((m, m)), self._events,
         )  # fmt: skip
         self._n = plant.model.state_size
@@ -251,7 +254,11 @@ class UnscentedTransformController:
             self._begin_from(self._first_Pu(preview))
             self._started = True
         if Qu is None:
-            Qu = self._Qu if self._coupling is None else self._coupling.process_noise(preview[:, 0])
+            Qu = (
+                self._Qu
+                if self._coupling is None
+                else self._coupling.process_noise(preview[:, 0], self._control)
+            )
         if Qu is not None:
             self._Qu_now[:] = Qu
         self._run(state, preview, self._out)
