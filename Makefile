@@ -10,7 +10,7 @@ STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help install demo test test-fast kills lint bench bench-tools rivals-tools tools bench-ros study paper soak network clean
+.PHONY: help install demo test test-fast kills lint bench bench-tools rivals-tools tools bench-ros study sensitivity paper soak network clean
 
 help:
 	@echo "make demo      run SCENARIO ($(SCENARIO)) over ROS, recorded below bags/"
@@ -21,8 +21,9 @@ help:
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
 	@echo "make rivals-tools fly CasADi, do-mpc and OSQP on the fast turn with their tuned costs; some ten minutes"
 	@echo "make bench-ros time a run over four processes beside a bare rclpy loop of four; some three minutes"
-	@echo "make study     fly 4 x 500 random tunings again, into docs/paper; some ten minutes"
-	@echo "make paper     make all of docs/paper and docs/figures/tuning again, study included"
+	@echo "make study     fly 4 x 200 random tunings again, into docs/paper; some five minutes"
+	@echo "make sensitivity fly the paper's configurations on plants with other numbers, into docs/paper; some ten minutes"
+	@echo "make paper     make all of docs/paper and docs/figures/tuning again, study included, sensitivity not"
 	@echo "make soak      30 simulated minutes in lockstep, 10 minutes in real time: memory, losses, lateness"
 	@echo "make network   run over two machines with a network between them that delays and loses; Linux, root"
 	@echo "make install   only install into $(VENV)"
@@ -63,7 +64,10 @@ bench-ros: $(STAMP)
 	$(VENV)/bin/python benchmarks/four_processes.py $(ARGS)
 
 study: $(STAMP)
-	$(VENV)/bin/skydiver-utc study tuning --count 500 --seed 1 --out docs/paper
+	$(VENV)/bin/skydiver-utc study tuning --count 200 --seed 1 --out docs/paper
+
+sensitivity: $(STAMP)
+	$(VENV)/bin/skydiver-utc study sensitivity --out docs/paper
 
 paper: study
 	$(VENV)/bin/skydiver-utc compare paper --out docs/paper

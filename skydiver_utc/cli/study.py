@@ -11,6 +11,12 @@ from rich.text import Text
 from skydiver_utc.cli.outputs import prepare_folder
 from skydiver_utc.cli.screen import count_progress, table
 from skydiver_utc.cli.settings import load_skydiver
+from skydiver_utc.studies.sensitivity import (
+    calibrations,
+    fly_calibrations,
+    sensitivity_section,
+    write_sensitivity,
+)
 from skydiver_utc.studies.tuning import check_tunable, tune
 from skydiver_utc.studies.tuning_files import summaries_to_json, write_study
 from skydiver_utc.studies.tuning_page import count_rows, head, influence_rows
@@ -44,10 +50,20 @@ def study_tuning(
         _show(summaries)
 
 
+def study_sensitivity(out: Path | None, jobs: int, quiet: bool) -> None:
+    """Fly the paper's configurations on plants with other numbers, write and print what is left of the results."""
+    prepare_folder(out)
+    with count_progress("calibrations and runs", 7 * len(calibrations()), quiet) as done:
+        found = fly_calibrations(jobs, done)
+    if out is not None:
+        write_sensitivity(out, found)
+    print(sensitivity_section(found))
+
+
 def _show(summaries: Sequence[TuningSummary]) -> None:
     for title, rows in (
         ("Random tunings", count_rows(summaries)),
-        ("Rank correlation with the RMSE; converged in each quarter", influence_rows(summaries)),
+        ("Rank correlation of each factor with the RMSE", influence_rows(summaries)),
     ):
         made = table(title, *head(summaries))
         for row in rows:

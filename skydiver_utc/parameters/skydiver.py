@@ -36,7 +36,7 @@ class Hands(Parameters):
         text("where a hand pulls the body: ventral as printed in right-handed axes, or dorsal"),
     ] = "ventral"
     K_N: Annotated[float, quantity("N", "hand force for a unit coefficient", ge=0, le=500)]
-    lx_m: Annotated[float, quantity("m", "distance of the hands from the long axis", ge=0, le=1)]
+    lx_m: Annotated[float, quantity("m", "distance of the hands from the long axis", ge=0, le=50)]
 
 
 CONTROLS = ("Cm_damp_yaw", "k_right", "k_left", "alpha")

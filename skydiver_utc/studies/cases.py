@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.analysis.numbers import finite, largest, settled
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.registry import build_reference
 from skydiver_utc.loop.run import Run
@@ -66,6 +67,7 @@ class Measures(Parameters):
     """What is kept of a run: its metrics but for the clocks, the same on every run of one machine.
 
     hands_correlation: of k_right and k_left as applied; -1 where they alternate, 1 where they press together.
+    largest_speed_m_s: airspeed, from 2 s on.
     rescued_steps: where the paper's equations had no solution and UTC continued with covariances about the centre.
     """
 
@@ -79,6 +81,7 @@ class Measures(Parameters):
     angle_error_deg: float | None
     facing: str
     hands_correlation: float | None
+    largest_speed_m_s: float | None
     status_steps: dict[str, int]
     rescued_steps: int
 
@@ -101,6 +104,7 @@ class Measures(Parameters):
 def measure(run: Run) -> Measures:
     """Keep the metrics of a skydiver's run."""
     own = {"hands_correlation": _hands_correlation(run), "rescued_steps": 0}
+    own["largest_speed_m_s"] = finite(largest(np.linalg.norm(run.states[settled(run), 7:10], axis=1)))
     if "recovery" in run.telemetry_names:
         recovery = run.telemetry[:, run.telemetry_names.index("recovery")]
         own["rescued_steps"] = int(np.count_nonzero(recovery == _ABOUT_CENTRE))

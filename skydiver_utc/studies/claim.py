@@ -7,11 +7,9 @@ from typing import NamedTuple
 
 from skydiver_utc.studies.cases import Case, amplitude_deg_s, shipped
 from skydiver_utc.studies.markdown import figure
-from skydiver_utc.studies.paper_cases import M0_C2, M1_C2, M1_C3
 from skydiver_utc.studies.paper_results import PaperResults
 
 CLEARLY = 1.5  # times worse, to count as clearly worse
-PAPER_UTC = (M0_C2, M1_C2, M1_C3)
 
 
 class Verdict(str, Enum):
@@ -24,12 +22,13 @@ class Verdict(str, Enum):
 
 
 class Claim(NamedTuple):
-    """The paper's words, the rule, what was measured, and what follows."""
+    """The paper's words, the rule, what was measured, what follows, and why where it does not simply hold."""
 
     words: str
     rule: str
     measured: str
     verdict: Verdict
+    why: str = ""
 
 
 def judge(parts: Sequence[bool]) -> Verdict:
@@ -37,6 +36,12 @@ def judge(parts: Sequence[bool]) -> Verdict:
     if all(parts):
         return Verdict.HOLDS
     return Verdict.PARTLY if any(parts) else Verdict.FAILS
+
+
+def decided(words: str, rule: str, measured: str, parts: Sequence[bool], why: str = "") -> Claim:
+    """A claim with the reason only where it is needed."""
+    verdict = judge(parts)
+    return Claim(words, rule, measured, verdict, "" if verdict is Verdict.HOLDS else why)
 
 
 def amplitude(one: Case) -> float:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from skydiver_utc.loop.linear_loop import measured_decay, updated_control
 from skydiver_utc.parameters.linear_plant import load_linear_plant
 from skydiver_utc.plants.linear import LinearModel, linear_model
-from skydiver_utc.studies.claim import Claim, judge
+from skydiver_utc.studies.claim import Claim, decided
 from skydiver_utc.studies.paper_results import PaperResults
 from skydiver_utc.theory.linear_plant import to_the_horizon
 from skydiver_utc.theory.riccati import Riccati, output_riccati
@@ -26,12 +26,12 @@ def mean_square(_results: PaperResults) -> Claim:
     """What the update is."""
     generator = np.random.default_rng(_SEED)
     largest = max(_update_mismatch(generator) for _ in range(_DRAWS))
-    return Claim(
+    return decided(
         "The update is the minimum mean square error solution, given the sigma points",
-        f"on y = B u the package's UTC moves to u + K (r - B u), K = Pu B' (B Pu B' + P_err)^-1, to {_ROUNDING:g}",
-        f"{_DRAWS} random plants of 1 to 6 controls and 1 to 3 outputs, W0 from -0.9 to 0.9: largest difference"
-        f" {'below' if largest < _ROUNDING else 'above'} {_ROUNDING:g}",
-        judge([largest < _ROUNDING]),
+        "on y = B u, 1 to 6 controls, 1 to 3 outputs, W0 from -0.9 to 0.9, the package's UTC moves to u + K (r - B u),"
+        f" K = Pu B' (B Pu B' + P_err)^-1, to {_ROUNDING:g}",
+        f"largest difference on {_DRAWS} random plants {'below' if largest < _ROUNDING else 'above'} {_ROUNDING:g}",
+        [largest < _ROUNDING],
     )
 
 
@@ -65,23 +65,19 @@ def stability(_results: PaperResults) -> Claim:
         without[steps] = _mismatch(plant, Pu, P_err, steps, terms._replace(additional=0.0 * terms.additional))
         with_term[steps] = _mismatch(plant, Pu, P_err, steps, terms)
         decays[steps] = (found.decay, measured_decay(plant, steps, Qu, P_err, found))
-    return Claim(
+    return decided(
         "For linear systems stability takes the form of a Riccati equation, with one more term for N > 1",
         "ADMIRE: what a step does to the weighted error is cost and effort of the Riccati equation for N = 1, and"
         f" for N = {_LONGER} only with the additional term of docs/theory.md; the package's UTC decays as the"
-        " loop's eigenvalues say",
-        f"mismatch {_size(without[1])} for N = 1; for N = {_LONGER} {_size(without[_LONGER])} without the term and"
-        f" {_size(with_term[_LONGER])} with it; decay per step {_shown(decays[1])}"
-        f" (`skydiver-utc stability --plant admire`), and {_shown(decays[_LONGER])} (the same with"
-        f" `--steps {_LONGER}`)",
-        judge(
-            [
-                without[1] < _EQUAL,
-                without[_LONGER] > _DIFFERENT,
-                with_term[_LONGER] < _EQUAL,
-                *(abs(flown - expected) < _DECAYS_AGREE for expected, flown in decays.values()),
-            ]
-        ),
+        f" loop's eigenvalues say (`skydiver-utc stability --plant admire`, `--steps {_LONGER}`)",
+        f"mismatch {_size(without[1])} for N = 1; for N = {_LONGER} {_size(without[_LONGER])} without the term,"
+        f" {_size(with_term[_LONGER])} with it; decay per step {_shown(decays[1])}, and {_shown(decays[_LONGER])}",
+        [
+            without[1] < _EQUAL,
+            without[_LONGER] > _DIFFERENT,
+            with_term[_LONGER] < _EQUAL,
+            *(abs(flown - expected) < _DECAYS_AGREE for expected, flown in decays.values()),
+        ],
     )
 
 

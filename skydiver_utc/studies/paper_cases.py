@@ -11,44 +11,84 @@ UNKNOWN, PI, PI_Q3 = (
     "fast_turn_pi_dynamics",
     "fast_turn_pi_dynamics_rate_coupling",
 )
+THREE = (UNKNOWN, PI, PI_Q3)  # the paper's configurations of UTC: figures utc_m0_c2, utc_m1_c2, utc_m1_c3
+UNKNOWN_INSENSITIVE, PI_INSENSITIVE = f"{UNKNOWN}_insensitive", f"{PI}_insensitive"
 NO_COUPLING = ("controller.coupling.signs", "none")
-PRINTED_HANDS = ("plant.hands.K_N", 100.0)
-IDLE_HANDS = ("plant.hands.K_N", 0.0)
-# The largest variance of an output's error: it does not count.
-NO_ROLL_RATE = ("controller.outputs.roll_rate.P_err", 1e6)
-NO_FALL_RATE = ("controller.outputs.fall_rate.P_err", 1e6)
+BY_ACCELERATION = ("controller.coupling.signs", "yaw_acceleration")
+IDLE, DORSAL = ("plant.hands.K_N", 0.0), ("plant.hands.force", "dorsal")
 
 POSE_FAST, POSE_SLOW = case("fast_turn_pose_only"), case("slow_turn_pose_only")
 LQR_FAST, LQR_SLOW = case("fast_turn_lqr"), case("slow_turn_lqr")
-M0_C2, M1_C2, M1_C3 = case(UNKNOWN), case(PI), case(PI_Q3)
-M0_C3 = case(UNKNOWN, ("controller.coupling.signs", "yaw_acceleration"))
+LQR_BOTH = case("fast_turn_lqr", ("reference.amplitude_deg_s", 180.0), ("reference.frequency_hz", 0.1))
+M0_C2, M1_C2, M1_C3 = PAPER_UTC = tuple(map(case, THREE))
+M0_C3 = case(UNKNOWN, BY_ACCELERATION)
 M0_NONE, M1_NONE = case(UNKNOWN, NO_COUPLING), case(PI, NO_COUPLING)
 M0_SHORT, M1_LONG = case(UNKNOWN, ("controller.horizon_steps", 5)), case(PI, ("controller.horizon_steps", 20))
-POSTURE_ALONE = case(UNKNOWN, IDLE_HANDS, ("plant.limits.Cm_damp_yaw", [0.499, 0.501]))
-HANDS_IDLE = (case(UNKNOWN, IDLE_HANDS), case(PI, IDLE_HANDS), case(PI_Q3, IDLE_HANDS))
+POSTURE_ALONE = case(UNKNOWN, IDLE, ("plant.limits.Cm_damp_yaw", [0.499, 0.501]))
 LAYOUTS = (case("front_layout"), case("back_layout"))
-PAPER_HANDS = case("fast_turn_paper_hands")
+
+# Of the three configurations: bars of the RMSE [deg/s], the paper's "around 2 s", and times worse without hands.
+BARS = (4.0, 6.0, 4.0)
+CONVERGED_S = 2.0
+NECESSARY = 3.0
 
 # The paper's figures of a flight, by their LaTeX labels.
 FIGURES = {"ff6": POSE_FAST, "utc_m0_c2": M0_C2, "utc_m1_c2": M1_C2, "utc_m1_c3": M1_C3}
 
+# What stands between commas: dynamics of alpha in the prediction, what couples the hands with the yaw damping, steps.
 CONFIGURATIONS: dict[str, Case] = {
     "pose controller, fast turn (`ff6`)": POSE_FAST,
     "pose controller, slow turn": POSE_SLOW,
     "linear-quadratic regulator, fast turn": LQR_FAST,
-    "linear-quadratic regulator, slow turn": LQR_SLOW,
-    "UTC, alpha unknown, eq_q1, N = 20 (`utc_m0_c2`)": M0_C2,
-    "UTC, alpha unknown, eq_q3, N = 20": M0_C3,
-    "UTC, alpha unknown, no coupling, N = 20": M0_NONE,
-    "UTC, alpha unknown, eq_q1, N = 5": M0_SHORT,
-    "UTC, eq:m1utc, eq_q1, N = 5 (`utc_m1_c2`)": M1_C2,
-    "UTC, eq:m1utc, no coupling, N = 5": M1_NONE,
-    "UTC, eq:m1utc, eq_q1, N = 20": M1_LONG,
-    "UTC, eq:m1utc, eq_q3, N = 5 (`utc_m1_c3`)": M1_C3,
+    "linear-quadratic regulator, slow turn, costs of its own": LQR_SLOW,
+    "linear-quadratic regulator, slow turn, costs of the fast one": LQR_BOTH,
+    "UTC: unknown, yaw rate (eq_q1), 20 (`utc_m0_c2`)": M0_C2,
+    "UTC: unknown, yaw acceleration (eq_q3), 20": M0_C3,
+    "UTC: unknown, nothing, 20": M0_NONE,
+    "UTC: unknown, yaw rate, 5": M0_SHORT,
+    "UTC: modelled (eq:m1utc), yaw rate, 5 (`utc_m1_c2`)": M1_C2,
+    "UTC: modelled, nothing, 5": M1_NONE,
+    "UTC: modelled, yaw rate, 20": M1_LONG,
+    "UTC: modelled, yaw acceleration, 5 (`utc_m1_c3`)": M1_C3,
     "the posture alone, flown by UTC": POSTURE_ALONE,
-    "`utc_m0_c2` with hands that have no force": HANDS_IDLE[0],
-    "`utc_m1_c2` with hands that have no force": HANDS_IDLE[1],
-    "`utc_m1_c3` with hands that have no force": HANDS_IDLE[2],
+}
+
+
+def three(*settings: tuple[str, object], insensitive: bool = False) -> list[Case]:
+    """The paper's three configurations of UTC under some settings; insensitive: alpha's sign by the damping."""
+    if not insensitive:
+        return [case(name, *settings) for name in THREE]
+    rate = case(PI_INSENSITIVE, *settings)
+    if NO_COUPLING[0] not in dict(settings):
+        rate = case(PI_INSENSITIVE, *settings, BY_ACCELERATION)
+    return [case(UNKNOWN_INSENSITIVE, *settings), case(PI_INSENSITIVE, *settings), rate]
+
+
+# Flights of the three configurations, by words.
+AS_PRINTED = "as printed"
+NO_HANDS, FORCE_ALONE, MOMENT_ALONE = (
+    "no hands",
+    "force alone, no roll moment",
+    "roll moment alone, 1 % of the force",
+)
+HANDS: dict[str, list[Case]] = {
+    AS_PRINTED: three(),
+    NO_HANDS: three(IDLE),
+    FORCE_ALONE: three(("plant.hands.lx_m", 0.0)),
+    MOMENT_ALONE: three(("plant.hands.K_N", 1.0), ("plant.hands.lx_m", 35.0)),
+    "dorsal force": three(DORSAL),
+}
+LIMBS: dict[str, list[Case]] = {
+    AS_PRINTED: three(),
+    "no reaction of moving limbs": three(("plant.limbs.reaction", False)),
+}
+INSENSITIVE: dict[str, list[Case]] = {
+    AS_PRINTED: three(),
+    "sign by the damping": three(insensitive=True),
+    "the same, hands coupled by the yaw acceleration": three(BY_ACCELERATION, insensitive=True),
+    "the same without coupling of the hands": three(NO_COUPLING, insensitive=True),
+    "the same with 5 steps": three(("controller.horizon_steps", 5), insensitive=True),
+    "the same with no hands": three(IDLE, insensitive=True),
 }
 
 
@@ -69,113 +109,91 @@ class Variant(NamedTuple):
 
 VARIANTS = (
     Variant(
-        "Pu at k = 0",
-        "variances 6.25, .01, .01, .01 with covariances .74, .74, .56",
-        "indefinite, eigenvalue -0.208: no real root, and Qu = 0.1 Pu brings it back every step",
-        "symmetrise, lift negative eigenvalues to `covariance_floor` before each root; the amount is published as"
-        " `repaired_covariance`",
+        "first covariance Pu, printed indefinite",
+        "only the real part of its root",
+        "eigenvalue -0.208; Qu = 0.1 Pu brings it back every step",
+        "negative eigenvalues are lifted before each root (`repaired_covariance`)",
         varied(UNKNOWN, "indefinite_covariance"),
     ),
     Variant(
-        "eq:s14, sign",
-        "from the change of abs(yr_ref) only",
-        "right for left turns, drives alpha the wrong way in right turns",
-        "times sign(yr_ref)",
+        "sign of alpha's coupling (eq:s14)",
+        "the same in right turns",
+        "alpha goes the wrong way in right turns",
+        "times the sign of the yaw rate",
         varied(UNKNOWN, "unsigned_s14"),
     ),
     Variant(
-        "eq:s14, recursion",
-        "s14 flips each step while speeding up, so its hysteresis never takes hold",
-        "harmless: without any hysteresis the flight is much the same",
+        "its hysteresis",
+        "none",
+        "harmless: as printed the sign flips each step while the turn speeds up",
         "as printed",
         varied(UNKNOWN, "no_hysteresis"),
     ),
     Variant(
-        "the same",
-        "the text's look-ahead of 1 s, taken at its word",
+        "its look-ahead",
+        "always 1 s, as in the words",
         "alpha leads the turn by a second",
         "as printed",
         varied(UNKNOWN, "always_ahead"),
     ),
     Variant(
-        'eq:xpred, "U^i at the horizon", alpha unknown',
-        "the control at the end of the horizon is saved",
+        "the sign itself",
+        "by the damping left; not the paper's",
+        "insensitive to tuning (docs/findings.md)",
+        "as printed",
+        case(UNKNOWN_INSENSITIVE),
+    ),
+    Variant(
+        "which control is saved for the update (eq:xpred), alpha unknown",
+        "that of the horizon's last step",
         "the slew limit distorts the spread",
-        "U^i as drawn and bounded",
+        "the sigma point as drawn and bounded",
         varied(UNKNOWN, "saved_at_horizon"),
     ),
     Variant(
-        "the same with eq:m1utc",
-        "the control at the end of the horizon is saved",
-        "the increments of the whole horizon are applied in one step: limit cycle at the start",
-        "U^i after the first step, which is what acts next",
+        "the same, alpha modelled",
+        "that of the horizon's last step",
+        "the increments of the whole horizon act in one step: limit cycle at the start",
+        "that of the first step, which acts next",
         varied(PI, "saved_at_horizon"),
     ),
     Variant(
-        "dynamics of alpha",
-        "the block diagram is positional",
+        "dynamics of alpha (eq:m1utc)",
+        "positional, as in the block diagram",
         "the sigma point's own alpha is thrown away",
-        "eq:m1utc, incremental",
+        "in increments",
         varied(PI, "positional"),
     ),
     Variant(
-        "eq:zpred",
-        "W^i = (1 - W0) / 2m for i = 0 as well",
-        "the weights of the mean sum to .844",
-        "W^0 as in eq:sigp",
-        varied(UNKNOWN, "printed_weights"),
-    ),
-    Variant(
-        "eq:movep",
-        'after "bounded"',
-        "the rule can never act",
-        "on the unclipped point, then bound",
-        varied(UNKNOWN, "moved_after_bounds"),
-    ),
-    Variant("eq:sigp", "sqrt(n / (1 - W0)), n undefined", "", "n = m", None),
-    Variant(
-        'eq:m1utc, "t - dt" at the start of the horizon',
-        "the yaw rate measured one step before",
+        "its first increment",
+        "from the yaw rate measured one step before",
         "alpha winds away",
         "the yaw rate before the first step counts as unchanged",
         varied(PI, "measured_before"),
     ),
     Variant(
-        "eq_force2",
-        "K_N = 100 N",
-        "the body rolls over",
-        "K_N = 10 N, or further outputs",
-        case(UNKNOWN, PRINTED_HANDS),
+        "weights of the mean (eq:zpred)",
+        "(1 - W0) / 2m for the centre as well",
+        "they sum to .844",
+        "W0 for the centre (eq:sigp)",
+        varied(UNKNOWN, "printed_weights"),
     ),
-)  # fmt: skip
-
-HANDS: tuple[Case, ...] = (
-    PAPER_HANDS,
-    case("fast_turn_paper_hands", NO_FALL_RATE),
-    case("fast_turn_paper_hands", NO_ROLL_RATE),
-    case(
-        "fast_turn_paper_hands", NO_ROLL_RATE, NO_FALL_RATE
+    Variant(
+        "mirrored sigma points (eq:movep)",
+        'after the bounds, "bounded"',
+        "the rule can never act",
+        "before the bounds",
+        varied(UNKNOWN, "moved_after_bounds"),
     ),
-    case("fast_turn_paper_hands", ("plant.damping.Cm_damp_roll", 4.0)),
-    case("fast_turn_paper_hands", ("plant.damping.Cm_damp_roll", 15.0)),
-    case("fast_turn_paper_hands", NO_COUPLING),
-    case("fast_turn_paper_hands", ("controller.coupling.signs", "yaw_acceleration")),
-    case(
-        "fast_turn_paper_hands",
-        ("controller.dynamics", None),
-        ("controller.horizon_steps", 20),
+    Variant("n in the spread of the points (eq:sigp)", "not defined", "", "n = m", None),
+    Variant(
+        "force of the hands (eq_force2)",
+        "dorsal, as the words have it: the air's reaction",
+        "both hands together brake the fall, and with it the yaw moment",
+        "ventral, as the formula has it in right-handed axes (docs/model.md)",
+        case(UNKNOWN, DORSAL),
     ),
-)  # fmt: skip
-
-LIMB_SETTINGS: tuple[tuple[tuple[str, object], ...], ...] = (
-    (),
-    (("plant.limbs.reaction", False),),
-    (("plant.limbs.alpha_acceleration", 20.0),),
-    (("plant.limbs.alpha_acceleration", 1000.0),),
 )
-LIMBS = {
-    (name, settings): case(name, *settings) for settings in LIMB_SETTINGS for name in (UNKNOWN, PI, PI_Q3)
-}
 
 
 class Sweep(NamedTuple):
@@ -209,8 +227,7 @@ def all_cases() -> dict[str, Case]:
         *CONFIGURATIONS.values(),
         *LAYOUTS,
         *(variant.flown for variant in VARIANTS if variant.flown is not None),
-        *HANDS,
-        *LIMBS.values(),
+        *(one for group in (HANDS, LIMBS, INSENSITIVE) for row in group.values() for one in row),
         *(one for sweep in SWEEPS for scenario in SWEPT for one in sweep.cases(scenario)),
     ]
     return {one.command: one for one in cases}

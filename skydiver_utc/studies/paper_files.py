@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The folder of a comparison: paper.md, results.json and the figures."""
+"""The folder of a comparison: paper.md, details.md, results.json and the figures."""
 
 import json
 import math
@@ -14,31 +14,39 @@ from skydiver_utc.analysis.style import png
 from skydiver_utc.loop.run import Run
 from skydiver_utc.studies import paper_cases as flown
 from skydiver_utc.studies.cases import shipped
-from skydiver_utc.studies.paper_page import page
+from skydiver_utc.studies.paper_page import details, page
 from skydiver_utc.studies.paper_results import PaperResults
+from skydiver_utc.studies.sensitivity import read_sensitivity
 from skydiver_utc.studies.tuning_files import read_summaries
 
-_RESULTS, _PAGE = "results.json", "paper.md"
+_RESULTS = "results.json"
 
 
 def write_comparison(folder: Path, results: PaperResults, runs: Mapping[str, Run]) -> None:
-    """Write all that the comparison made, with the tuning study's part of the page from its file in the folder."""
+    """Write all that the comparison made; the other studies' parts come from their files in the folder."""
     (folder / _RESULTS).write_text(to_json(results), encoding="utf-8")
-    (folder / _PAGE).write_text(page(read_comparison(folder)), encoding="utf-8")
+    write_pages(folder)
     for label, run in runs.items():
         (folder / f"{label}.png").write_bytes(png(tracking_figure(run)))
     (folder / "sweeps.png").write_bytes(png(_sweeps(results)))
 
 
+def write_pages(folder: Path) -> None:
+    """Write both pages from the results in the folder."""
+    results = read_comparison(folder)
+    (folder / "paper.md").write_text(page(results), encoding="utf-8")
+    (folder / "details.md").write_text(details(results), encoding="utf-8")
+
+
 def read_comparison(folder: Path) -> PaperResults:
-    """The results in a folder, with those of the tuning study where it is there."""
+    """The results in a folder, with those of the other studies where they are there."""
     results = PaperResults.model_validate_json((folder / _RESULTS).read_bytes())
-    return results.replace(tuning=read_summaries(folder))
+    return results.replace(tuning=read_summaries(folder), sensitivity=read_sensitivity(folder))
 
 
 def to_json(results: PaperResults) -> str:
     """The results as text that `read_comparison` reads."""
-    return json.dumps(results.model_dump(mode="json", exclude={"tuning"}), indent=2) + "\n"
+    return json.dumps(results.model_dump(mode="json", exclude={"tuning", "sensitivity"}), indent=2) + "\n"
 
 
 def _sweeps(results: PaperResults) -> Figure:

@@ -11,7 +11,8 @@ from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Parameters
 from skydiver_utc.rotations import world_up
 from skydiver_utc.studies.cases import Case, Done, Measures, case, measure, run_all, whole
-from skydiver_utc.studies.paper_cases import FIGURES, M0_C2, PRINTED_HANDS, all_cases
+from skydiver_utc.studies.paper_cases import FIGURES, M0_C2, all_cases
+from skydiver_utc.studies.sensitivity import Calibration
 from skydiver_utc.studies.tuning_summary import TuningSummary
 
 QUICK_S = 5.0
@@ -37,7 +38,7 @@ class StepCost(Parameters):
 
 
 class PaperResults(Parameters):
-    """Measures of every run by its command; `tuning` is kept in a file of its own.
+    """Measures of every run by its command; `tuning` and `sensitivity` are kept in files of their own.
 
     `cost` alone comes from a clock, and differs from run to run.
     """
@@ -46,9 +47,9 @@ class PaperResults(Parameters):
     quick: bool
     measures: dict[str, Measures]
     push: HandPush
-    push_printed: HandPush
     cost: StepCost | None = None
     tuning: tuple[TuningSummary, ...] = ()
+    sensitivity: tuple[Calibration, ...] = ()
 
     def of(self, one: Case) -> Measures:
         """Measures of a case."""
@@ -70,11 +71,10 @@ def run_comparison(quick: bool, jobs: int, done: Done) -> tuple[PaperResults, di
     found = run_all(others, measure, jobs, lambda count: done(count + len(runs)))
     found |= {command: measure(runs[label]) for command, label in in_figures.items()}
     results = PaperResults(
-        schema_version=1,
+        schema_version=2,
         quick=quick,
         measures={command: found[command] for command in all_cases()},
         push=hand_push(M0_C2),
-        push_printed=hand_push(case(M0_C2.scenario, PRINTED_HANDS)),
         cost=step_cost(),
     )
     return results, runs

@@ -22,17 +22,15 @@ def write_study(folder: Path, tunings: Sequence[Tunings], summaries: Sequence[Tu
     for one in tunings:
         (folder / table_file(one.scenario.name, one.reach)).write_text(to_csv(one), encoding="utf-8")
     (folder / _SUMMARY).write_text(summaries_to_json(summaries), encoding="utf-8")
-    scenarios = list(dict.fromkeys(one.scenario for one in summaries))
-    reaches = list(dict.fromkeys(one.reach for one in summaries))
     clouds = [
         Cloud(
             summary.label,
-            scenarios.index(summary.scenario),
-            reaches.index(summary.reach),
+            k % 2,
+            k // 2,
             [tuning.measures.rmse for tuning in one.random],
-            {name: influence.rank_correlation for name, influence in summary.influence.items()},
+            summary.influence,
         )
-        for one, summary in zip(tunings, summaries, strict=True)
+        for k, (one, summary) in enumerate(zip(tunings, summaries, strict=True))
     ]
     amplitude = max(amplitude_deg_s(one.scenario) for one in tunings)
     (folder / "tuning.png").write_bytes(png(tuning_figure(clouds, CONVERGED_SHARE * amplitude)))

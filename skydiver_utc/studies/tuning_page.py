@@ -3,7 +3,7 @@
 
 from collections.abc import Callable, Sequence
 
-from skydiver_utc.studies.markdown import figure, percent, table
+from skydiver_utc.studies.markdown import figure, table
 from skydiver_utc.studies.tuning_summary import TuningSummary
 
 _COUNTS: dict[str, Callable[[TuningSummary], str]] = {
@@ -30,13 +30,8 @@ def count_rows(summaries: Sequence[TuningSummary]) -> list[list[str]]:
 
 
 def influence_rows(summaries: Sequence[TuningSummary]) -> list[list[str]]:
-    """Rank correlation of each factor with the RMSE, and the share that converged by quarters of the factor."""
-    return [[name, *(_influence(one, name) for one in summaries)] for name in summaries[0].influence]
-
-
-def _influence(one: TuningSummary, name: str) -> str:
-    found = one.influence[name]
-    return f"{found.rank_correlation:+.2f}; {', '.join(percent(share) for share in found.converged)}"
+    """Rank correlation of each factor with the RMSE."""
+    return [[name, *(f"{one.influence[name]:+.2f}" for one in summaries)] for name in summaries[0].influence]
 
 
 def tuning_section(summaries: Sequence[TuningSummary]) -> str:
@@ -45,12 +40,12 @@ def tuning_section(summaries: Sequence[TuningSummary]) -> str:
         return "## Random tunings\n\nNot run: `skydiver-utc study tuning` into the same folder first.\n"
     return f"""## Random tunings
 
-Each covariance times a random factor, log-uniform within the bound named (`skydiver-utc study tuning`).
-Every run is a row of a tuning_*.csv beside this page, with its factors on the scenario's own values.
+Each covariance times a random factor, log-uniform within the bound named (`skydiver-utc study tuning`); insensitive:
+with the sign of alpha's coupling by the damping. Every run is a row of a
+tuning_*.csv beside this page, with its factors.
 
 {table(head(summaries), count_rows(summaries))}
-Why: the rank correlation of each factor with the RMSE; then the share that converged in each quarter of the factor,
-low to high. Qu_14 is Qu_ratio times coupling.alpha, rho_14 the correlation of alpha and damping in Pu at the start.
+Rank correlation of each factor with the RMSE:
 
 {table(head(summaries), influence_rows(summaries))}
 ![RMSE of the random tunings](tuning.png)

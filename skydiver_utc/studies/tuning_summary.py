@@ -11,25 +11,6 @@ from skydiver_utc.studies.tuning import FACTORS, Tunings
 
 _FAST_S = 2.0
 _QUANTILES = (0.05, 0.5, 0.95)
-_PARTS = 4
-
-# Products of factors that explain more than each alone: the entry of Qu that couples alpha with the damping,
-# and the correlation of the two in Pu at the start. Exponents by factor.
-_PRODUCTS = {
-    "Qu_14": {"Qu_ratio": 1.0, "coupling.alpha": 1.0},
-    "rho_14": {
-        "coupling.alpha": 1.0,
-        "Pu.Cm_damp_yaw": -0.5,
-        "Pu.alpha": -0.5,
-    },
-}
-
-
-class Influence(Parameters):
-    """Of a factor: Spearman's rank correlation with the RMSE, and what share converged in each of its quarters."""
-
-    rank_correlation: float
-    converged: tuple[float, float, float, float]
 
 
 class TuningSummary(Parameters):
@@ -38,6 +19,7 @@ class TuningSummary(Parameters):
     completed: to the end, belly to earth. converged: completed, and inside 5 % of the amplitude for good from
     the first half of the flight on; by_2_s: from 2 s on. tracked: RMSE at most 5 % of the amplitude.
     rmse_quantiles: what 5 %, 50 %, 95 % stay below [deg/s]; own_rmse is that of the scenario's own tuning.
+    influence: Spearman's rank correlation of each factor with the RMSE.
     """
 
     scenario: str
@@ -51,7 +33,7 @@ class TuningSummary(Parameters):
     rmse_quantiles: tuple[float | None, float | None, float | None]
     own_rmse: float | None
     better_than_own: int
-    influence: dict[str, Influence]
+    influence: dict[str, float]
 
     @property
     def label(self) -> str:
@@ -81,7 +63,7 @@ def summarise(tunings: Tunings) -> TuningSummary:
         rmse_quantiles=(low, middle, high),
         own_rmse=tunings.own.rmse_deg_s,
         better_than_own=int(np.sum(rmse < tunings.own.rmse)),
-        influence={name: _influence(sizes, rmse, converged) for name, sizes in _sizes(tunings).items()},
+        influence=_influence(tunings, rmse),
     )
 
 
@@ -90,21 +72,9 @@ def _has_converged(scenario: Scenario, one: Measures) -> bool:
     return one.outcome == "completed" and one.converged_at <= 0.5 * scenario.duration_s
 
 
-def _sizes(tunings: Tunings) -> dict[str, NDArray[np.float64]]:
-    """Logarithms (count,) of the factors and of their products."""
-    logarithms = np.log([tuning.factors for tuning in tunings.random])
-    sizes = dict(zip(FACTORS, logarithms.T, strict=True))
-    for name, exponents in _PRODUCTS.items():
-        sizes[name] = np.sum([power * sizes[factor] for factor, power in exponents.items()], axis=0)
-    return sizes
-
-
-def _influence(
-    sizes: NDArray[np.float64], rmse: NDArray[np.float64], converged: NDArray[np.bool_]
-) -> Influence:
+def _influence(tunings: Tunings, rmse: NDArray[np.float64]) -> dict[str, float]:
     from scipy.stats import spearmanr
 
-    parts = np.array_split(converged[np.argsort(sizes, kind="stable")], _PARTS)
-    first, second, third, fourth = (round(float(np.mean(part)), 3) for part in parts)
-    correlation = round(float(spearmanr(sizes, rmse).statistic), 3)
-    return Influence(rank_correlation=correlation, converged=(first, second, third, fourth))
+    factors = np.array([tuning.factors for tuning in tunings.random])
+    correlations = [float(spearmanr(column, rmse).statistic) for column in factors.T]
+    return {name: round(found, 3) for name, found in zip(FACTORS, correlations, strict=True)}

@@ -27,8 +27,9 @@ from skydiver_utc.studies.claim import Verdict, judge
 from skydiver_utc.studies.linear_theory import of_linear_plant, report
 from skydiver_utc.studies.markdown import figure
 from skydiver_utc.studies.paper_files import read_comparison, to_json, write_comparison
-from skydiver_utc.studies.paper_page import page
+from skydiver_utc.studies.paper_page import details, page
 from skydiver_utc.studies.paper_results import HandPush, PaperResults, StepCost, hand_push, run_comparison
+from skydiver_utc.studies.sensitivity import NUMBERS, Calibration, calibrations, changed
 from skydiver_utc.studies.tuning import FACTORS, Tuning, Tunings, check_tunable, draw, retuned, to_csv, tune
 from skydiver_utc.studies.tuning_files import table_file
 from skydiver_utc.studies.tuning_summary import summarise
@@ -52,6 +53,7 @@ def measures(rmse: float | None = 3.0, **fields: object) -> Measures:
         "angle_error_deg": None,
         "facing": "belly to earth",
         "hands_correlation": 0.0,
+        "largest_speed_m_s": 60.0,
         "status_steps": {"solved": 0, "saturated": 0, "repaired": 100, "kept_previous": 0},
         "rescued_steps": 0,
     }
@@ -147,9 +149,16 @@ class TestTuning:
         assert (summary.converged, summary.converged_by_2_s) == (3, 1)
         assert summary.tracked == 5  # 20 deg/s and less
         assert summary.better_than_own == 3  # less than 15: 13.3, 11.4, 10
-        first = summary.influence["Pu.Cm_damp_yaw"]
-        assert first.rank_correlation == -1.0
-        assert first.converged == (0.0, 0.0, 0.5, 1.0)
+        assert summary.influence["Pu.Cm_damp_yaw"] == -1.0
+
+    @pytest.mark.long
+    @pytest.mark.parametrize("name", [flown.UNKNOWN, flown.PI])
+    def test_the_sign_by_the_damping_is_insensitive_and_the_printed_one_is_not(self, name: str) -> None:
+        printed, by_damping = (
+            summarise(tune(load_scenario(scenario), 3.0, 40, 1, 1, lambda _count: None)).converged
+            for scenario in (name, f"{name}_insensitive")
+        )
+        assert by_damping >= 36 > printed
 
     def test_a_short_study_and_its_table(self) -> None:
         scenario = load_scenario("fast_turn_pi_dynamics", {"duration_s": 2.2})
@@ -195,6 +204,33 @@ class TestClaims:
         results = results_with().replace(tuning=())
         assert verdict(results, "Not much sensitivity") is Verdict.ELSEWHERE
         assert "study tuning" in page(results)
+        assert "study sensitivity" in details(results.replace(sensitivity=()))
+
+    def test_the_hands_are_needed_by_their_force_or_by_their_moment(self) -> None:
+        force, moment = (flown.HANDS[name] for name in (flown.FORCE_ALONE, flown.MOMENT_ALONE))
+        (own,) = (one.why for one in checklist(results_with()) if "input moments" in one.words)
+        assert "airspeed" in own
+        assert "not the bank" in own
+        results = results_with()
+        other = dict(zip([one.command for one in (*force, *moment)], [60.0] * 3 + [2.0] * 3, strict=True))
+        changed = {k: m.replace(rmse_deg_s=other.get(k, m.rmse_deg_s)) for k, m in results.measures.items()}
+        (why,) = (
+            one.why for one in checklist(results.replace(measures=changed)) if "input moments" in one.words
+        )
+        assert "not the bank" not in why
+
+    def test_effort_is_compared_with_what_tracks(self) -> None:
+        def effort(m0_c3: float, converged_s: float) -> Verdict:
+            results = results_with()
+            found = {k: m.replace(control_effort=2.0) for k, m in results.measures.items()}
+            found[flown.M1_C3.command] = found[flown.M1_C3.command].replace(control_effort=1.0)
+            other = {"control_effort": m0_c3, "convergence_time_s": converged_s}
+            found[flown.M0_C3.command] = found[flown.M0_C3.command].replace(**other)
+            return verdict(results.replace(measures=found), "control effort is least")
+
+        assert effort(1.1, 1.0) is Verdict.HOLDS
+        assert effort(0.9, 1.0) is Verdict.FAILS
+        assert effort(0.9, 19.0) is Verdict.HOLDS
 
     @pytest.mark.parametrize(
         ("cost", "expected"),
@@ -217,6 +253,10 @@ class TestClaims:
 
         monkeypatch.setattr("skydiver_utc.studies.claims_theory.updated_control", slightly_off)
         assert verdict(results_with(), "minimum mean square error") is Verdict.FAILS
+
+    def test_what_does_not_hold_has_a_reason(self) -> None:
+        for claim in checklist(results_with()):
+            assert claim.why or claim.verdict is Verdict.HOLDS, claim.words
 
     def test_a_rescued_step_is_a_convergence_problem(self) -> None:
         results, words = results_with(), "no convergence problems"
@@ -248,7 +288,9 @@ class TestShippedPage:
     """docs/paper is what the command writes, and its figures are those of flights."""
 
     def test_the_page_is_made_from_the_results(self) -> None:
-        assert (PAPER / "paper.md").read_text(encoding="utf-8") == page(read_comparison(PAPER))
+        results = read_comparison(PAPER)
+        assert (PAPER / "paper.md").read_text(encoding="utf-8") == page(results)
+        assert (PAPER / "details.md").read_text(encoding="utf-8") == details(results)
 
     def test_the_results_are_of_all_flights_in_full(self) -> None:
         results = read_comparison(PAPER)
@@ -256,7 +298,7 @@ class TestShippedPage:
         assert list(results.measures) == list(flown.all_cases())
 
     def test_every_picture_that_the_page_shows_is_there(self) -> None:
-        text = (PAPER / "paper.md").read_text(encoding="utf-8")
+        text = "".join((PAPER / name).read_text(encoding="utf-8") for name in ("paper.md", "details.md"))
         shown = {part.partition(")")[0] for part in text.split("](")[1:]}
         assert {name for name in shown if name.endswith(".png")} >= {
             f"{label}.png" for label in flown.FIGURES
@@ -276,11 +318,10 @@ class TestShippedPage:
 
     def test_a_random_tuning_flies_again_as_its_row_says(self) -> None:
         name = "fast_turn_pi_dynamics"
-        with (PAPER / table_file(name, 10.0)).open(encoding="utf-8") as file:
+        with (PAPER / table_file(name, 3.0)).open(encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
-        assert len(rows) == 500
         factors = [[float(row[factor]) for factor in FACTORS] for row in rows]
-        np.testing.assert_array_equal(factors, draw(500, 1, 10.0))
+        np.testing.assert_array_equal(factors, draw(len(rows), 1, 3.0))
         now = measure_of(retuned(load_scenario(name), factors[0]))
         assert now.rmse == pytest.approx(float(rows[0]["rmse_deg_s"]), rel=SAME_FLIGHT)
 
@@ -289,9 +330,9 @@ class TestShippedPage:
             with (PAPER / table_file(summary.scenario, summary.reach)).open(encoding="utf-8") as file:
                 rows = list(csv.DictReader(file))
             rmse = [float(row["rmse_deg_s"]) for row in rows]
-            assert summary.count == len(rows) >= 500
+            assert summary.count == len(rows) >= 100
             assert summary.tracked == sum(value <= 20.0 for value in rmse)
-            assert summary.rmse_quantiles[1] == pytest.approx(sorted(rmse)[len(rmse) // 2 - 1], rel=1e-3)
+            assert summary.rmse_quantiles[1] == pytest.approx(sorted(rmse)[(len(rmse) - 1) // 2], rel=1e-3)
             times = [float(row["convergence_time_s"] or "inf") for row in rows]
             assert summary.converged == sum(time <= 10.0 for time in times)
 
@@ -306,8 +347,8 @@ def test_the_readme_has_the_figures_of_a_run(scenario: str) -> None:
 
 def test_results_survive_their_file() -> None:
     results = read_comparison(PAPER)
-    assert PaperResults.model_validate_json(to_json(results)) == results.replace(tuning=())
-    assert json.loads(to_json(results))["schema_version"] == 1
+    assert PaperResults.model_validate_json(to_json(results)) == results.replace(tuning=(), sensitivity=())
+    assert json.loads(to_json(results))["schema_version"] == 2
 
 
 @pytest.mark.parametrize(
@@ -341,7 +382,7 @@ def a_flight() -> Run:
 
 class TestFiles:
     def test_a_comparison_writes_what_its_page_shows(self, tmp_path: Path) -> None:
-        results = results_with().replace(tuning=())
+        results = results_with().replace(tuning=(), sensitivity=())
         write_comparison(tmp_path, results, {"ff6": a_flight()})
         assert read_comparison(tmp_path) == results
         assert (tmp_path / "paper.md").read_text(encoding="utf-8") == page(results)
@@ -350,9 +391,9 @@ class TestFiles:
 
     def test_a_study_found_beside_it_goes_into_the_page(self, tmp_path: Path) -> None:
         (tmp_path / "tuning.json").write_bytes((PAPER / "tuning.json").read_bytes())
-        write_comparison(tmp_path, results_with().replace(tuning=()), {})
-        assert read_comparison(tmp_path) == results_with()
-        assert "tuning.png" in (tmp_path / "paper.md").read_text(encoding="utf-8")
+        write_comparison(tmp_path, results_with().replace(tuning=(), sensitivity=()), {})
+        assert read_comparison(tmp_path) == results_with().replace(sensitivity=())
+        assert "tuning.png" in (tmp_path / "details.md").read_text(encoding="utf-8")
 
 
 class TestCommands:
@@ -382,7 +423,7 @@ class TestCommands:
         assert "RMSE of the scenario's own tuning" in self.call(*arguments)
 
     def test_compare_shows_and_writes_the_same(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        results = results_with().replace(tuning=())
+        results = results_with().replace(tuning=(), sensitivity=())
         asked = []
 
         def no_flight(quick: bool, jobs: int, _done: object) -> tuple[PaperResults, dict[str, Run]]:
@@ -395,7 +436,7 @@ class TestCommands:
         assert len(shown["claims"]) == len(checklist(results))
         assert shown["measures"] == json.loads(to_json(results))["measures"]
         text = self.call("compare", "paper", "--out", str(tmp_path))
-        assert "does not hold" in text
+        assert "partly" in text
         assert (tmp_path / "results.json").is_file()
         assert "Its figures mean nothing" not in text
         results = results.replace(quick=True)
@@ -426,6 +467,36 @@ def test_the_quick_comparison_flies_everything_but_shortly(monkeypatch: pytest.M
     assert min(results.cost.held, results.cost.every_step) > 0.0
 
 
+class TestSensitivity:
+    def test_a_number_is_changed_and_the_fall_is_straight_again(self) -> None:
+        scenario = flown.M0_C2.load()
+        own = scenario.plant
+        found = changed(scenario, {"shank, side": 0.9, "roll damping": 1.1}).plant
+        before, after = (plant.subject.suit.drag_areas_m2["shank"] for plant in (own, found))
+        assert after == pytest.approx((before[0], 0.9 * before[1], before[2]))
+        assert found.damping.Cm_damp_roll == pytest.approx(1.1 * own.damping.Cm_damp_roll)
+        assert found.pattern == own.pattern
+        assert found.initial.fall_speed_m_s > own.initial.fall_speed_m_s
+
+    def test_each_number_alone_and_all_at_once(self) -> None:
+        found = list(calibrations().values())
+        assert found[0] == {}
+        assert all(factor in (0.9, 1.1) for one in found[1:] if len(one) == 1 for factor in one.values())
+        together = [one for one in found if len(one) > 1]
+        assert all(0.9 <= factor <= 1.1 for one in together for factor in one.values())
+        assert len(together) == 16
+        assert all(one.keys() == NUMBERS.keys() for one in together)
+
+    def test_what_is_kept(self) -> None:
+        good = Calibration(
+            changed="", rmse=(3.0, 2.0, 1.0), without_hands=(30.0, 30.0, 30.0), converged_s=(1.0, 1.0, 1.0)
+        )
+        assert all(good.kept.values())
+        assert list(good.replace(rmse=(3.0, 3.5, 4.5)).kept.values()) == [False, True, True, False]
+        assert list(good.replace(converged_s=(1.0, None, 1.0)).kept.values()) == [True, False, True, True]
+        assert list(good.replace(without_hands=(30.0, 5.0, 30.0)).kept.values()) == [True, True, False, True]
+
+
 def test_a_hand_without_force_does_nothing_and_a_strong_one_more() -> None:
     """eq_force2 is linear in K_N; a small bank is nearly so."""
     idle, weak, strong = (
@@ -433,7 +504,7 @@ def test_a_hand_without_force_does_nothing_and_a_strong_one_more() -> None:
     )
     assert idle == HandPush(bank_right_deg=0.0, yaw_rate_deg_s=0.0)
     assert strong.bank_right_deg == pytest.approx(2.0 * weak.bank_right_deg, rel=0.05)
-    assert strong.bank_right_deg > 0.0
+    assert strong.bank_right_deg < 0.0  # a ventral force: the left side goes down
 
 
 def test_the_telemetry_figure_shows_each_flight() -> None:

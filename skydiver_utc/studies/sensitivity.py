@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How much the paper's results hang on the plant's calibration: the same flights with its numbers up to 10 % off."""
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import reduce
+from operator import getitem
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from skydiver_utc.parameters import Parameters, Scenario, override
+from skydiver_utc.plants.skydiver.trim import in_straight_fall
+from skydiver_utc.studies.cases import Done, measure, run_all
+from skydiver_utc.studies.markdown import figure, percent, table
+from skydiver_utc.studies.paper_cases import BARS, CONVERGED_S, NECESSARY, PAPER_UTC
+
+_REACH = 0.1
+_ALL_AT_ONCE, _SEED = 16, 1
+_FILE, _TITLE = "sensitivity.json", "## Sensitivity to the calibration"
+
+_AREAS = "plant.subject.suit.drag_areas_m2"
+# What is calibrated, below the scenario, with the entries of a list.
+NUMBERS: dict[str, tuple[tuple[str, int | None], ...]] = {
+    "trunk, side": ((f"{_AREAS}.upper_trunk", 1), (f"{_AREAS}.mid_trunk", 1)),
+    **{
+        f"{limb.replace('_', ' ')}, {side}": ((f"{_AREAS}.{limb}", entry),)
+        for limb in ("upper_arm", "forearm", "thigh", "shank")
+        for entry, side in enumerate(("front", "side"))
+    },
+    "pitch": (("plant.initial.pitch_deg", None),),
+    "roll damping": (("plant.damping.Cm_damp_roll", None),),
+    "pitch damping": (("plant.damping.Cm_damp_pitch", None),),
+    "reference area": (("plant.damping.reference_area_m2", None),),
+    "force of the hands": (("plant.hands.K_N", None),),
+    "acceleration of the limbs": (("plant.limbs.alpha_acceleration", None),),
+}
+
+
+class Calibration(Parameters):
+    """The three configurations with some numbers changed: RMSE with and without hands [deg/s], when converged."""
+
+    changed: str
+    rmse: tuple[float | None, ...]
+    without_hands: tuple[float | None, ...]
+    converged_s: tuple[float | None, ...]
+
+    @property
+    def kept(self) -> dict[str, bool]:
+        """Which of the paper's results are left."""
+        rmse, without, times = (
+            [float("inf") if value is None else value for value in values]
+            for values in (self.rmse, self.without_hands, self.converged_s)
+        )
+        return {
+            "tracks": all(value <= bar for value, bar in zip(rmse, BARS, strict=True)),
+            f"converges by {CONVERGED_S:g} s": max(times) <= CONVERGED_S,
+            "needs the hands": all(w >= NECESSARY * r for w, r in zip(without, rmse, strict=True)),
+            "modelled better": rmse[1] < rmse[0],
+        }
+
+
+def calibrations() -> dict[str, dict[str, float]]:
+    """By name, the factor on each number: each alone both ways, and all at once at random."""
+    alone = {
+        f"{name} x {factor:g}": {name: factor} for name in NUMBERS for factor in (1 - _REACH, 1 + _REACH)
+    }
+    drawn = np.random.default_rng(_SEED).uniform(1 - _REACH, 1 + _REACH, (_ALL_AT_ONCE, len(NUMBERS)))
+    together = {
+        f"all at once, {k}": dict(zip(NUMBERS, row.tolist(), strict=True)) for k, row in enumerate(drawn, 1)
+    }
+    return {"as calibrated": {}} | alone | together
+
+
+def changed(scenario: Scenario, factors: Mapping[str, float]) -> Scenario:
+    """The scenario with its numbers times these factors, and its posture trimmed again; the pattern is kept."""
+    own, values = scenario.as_dict(), dict[str, Any]()
+    for label, factor in factors.items():
+        for name, entry in NUMBERS[label]:
+            value = values.get(name, reduce(getitem, name.split("."), own))
+            values[name] = (
+                factor * value
+                if entry is None
+                else [v * (factor if i == entry else 1.0) for i, v in enumerate(value)]
+            )
+    return in_straight_fall(override(scenario, values)) if values else scenario
+
+
+def fly_calibrations(jobs: int, done: Done) -> list[Calibration]:
+    """Fly the three configurations, with and without hands, on every calibration."""
+    configurations, scenarios = [one.load() for one in PAPER_UTC], {}
+    wanted = calibrations()
+    for count, (name, factors) in enumerate(wanted.items(), 1):
+        plant = changed(configurations[0], factors).plant
+        for k, one in enumerate(configurations):
+            scenarios[f"{name}/{k}"] = one.replace(plant=plant)
+            scenarios[f"{name}/{k}/-"] = one.replace(plant=plant.replace(hands=plant.hands.replace(K_N=0.0)))
+        done(count)
+    found = run_all(scenarios, measure, jobs, lambda count: done(len(wanted) + count))
+    return [
+        Calibration(
+            changed=name,
+            rmse=tuple(found[f"{name}/{k}"].rmse_deg_s for k in range(3)),
+            without_hands=tuple(found[f"{name}/{k}/-"].rmse_deg_s for k in range(3)),
+            converged_s=tuple(found[f"{name}/{k}"].convergence_time_s for k in range(3)),
+        )
+        for name in wanted
+    ]
+
+
+def write_sensitivity(folder: Path, found: Sequence[Calibration]) -> None:
+    """Write sensitivity.json."""
+    (folder / _FILE).write_text(
+        json.dumps([one.as_dict() for one in found], indent=1) + "\n", encoding="utf-8"
+    )
+
+
+def read_sensitivity(folder: Path) -> tuple[Calibration, ...]:
+    """What `write_sensitivity` left in a folder, nothing without it."""
+    path = folder / _FILE
+    return TypeAdapter(tuple[Calibration, ...]).validate_json(path.read_bytes()) if path.is_file() else ()
+
+
+def sensitivity_section(found: Sequence[Calibration]) -> str:
+    """The study's part of the page."""
+    if not found:
+        return f"{_TITLE}\n\nNot run: `skydiver-utc study sensitivity` into the same folder first.\n"
+    rows = [
+        (
+            one.changed,
+            *(", ".join(map(figure, values)) for values in (one.rmse, one.without_hands, one.converged_s)),
+            ", ".join(name for name, holds in one.kept.items() if not holds) or "-",
+        )
+        for one in found
+    ]
+    counts = (f"{name} in {sum(one.kept[name] for one in found)}" for name in found[0].kept)
+    head = ("changed", "RMSE", "without hands", "converged [s]", "lost")
+    return f"""{_TITLE}
+
+The three configurations with the plant's calibrated numbers {percent(_REACH)} off, one by one and all at once, the
+posture trimmed again (`skydiver-utc study sensitivity`). Of {len(found)} plants: {", ".join(counts)}.
+
+{table(head, rows)}"""
