@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import click
+from skydivers import flown_by
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.loop.closed_loop import Build, simulate
@@ -48,19 +49,21 @@ class Entry(NamedTuple):
     build: Build
 
 
-def package(who: tuple[str, object]) -> Iterator[Entry]:
+def package(skydiver: str) -> Iterator[Entry]:
     """The controllers of the package."""
     for command, one in FLOWN.items():
-        fast, slow = (case(one.scenario, *one.settings, who, *turn) for turn in ((), SLOW))
+        settings = dict(one.settings) | flown_by(skydiver, one.scenario)
+        fast, slow = (case(one.scenario, *(settings | dict(turn)).items()) for turn in ((), SLOW))
         yield Entry(command, fast.load(), slow.load(), build_controller)
 
 
-def chains(who: tuple[str, object]) -> Iterator[Entry]:
+def chains(skydiver: str) -> Iterator[Entry]:
     """The tool chains, which are an extra."""
     from tool_chains.chains import controller_of, tuned
 
-    slow = tuned(dict((who, *SLOW)))
-    for name, (chain, fast) in tuned(dict((who,))).items():
+    who = {"plant.skydiver": skydiver}
+    slow = tuned({**who, **dict(SLOW)})
+    for name, (chain, fast) in tuned(who).items():
         yield Entry(name, fast, slow[name].scenario, controller_of(chain))
 
 
@@ -75,10 +78,9 @@ def number(value: float | None) -> str:
 @click.option("--tool-chains", is_flag=True, help="The rows of the tool chains (extra bench).")
 @click.option("--skydiver", default="paper", show_default=True, help="Who is flown, as plant.skydiver.")
 def main(tool_chains: bool, skydiver: str) -> None:
-    who = ("plant.skydiver", skydiver)
     print("| scenario | RMSE | converged | effort | slow turn: RMSE | effort |")
     print("|---|---|---|---|---|---|")
-    for entry in chains(who) if tool_chains else package(who):
+    for entry in chains(skydiver) if tool_chains else package(skydiver):
         fast, slow = (metrics(simulate(s, build=entry.build)) for s in (entry.fast, entry.slow))
         print(
             f"| `{entry.name}` | {number(fast['rmse_deg_s'])} | {number(fast['convergence_time_s'])}"

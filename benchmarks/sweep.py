@@ -13,6 +13,7 @@ from pathlib import Path
 import click
 import numpy as np
 import reachability
+from skydivers import flown_by
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.loop.closed_loop import simulate
@@ -23,7 +24,6 @@ AMPLITUDES = (100, 200, 300, 400)
 FREQUENCIES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 GAUSS_NEWTON = "Gauss-Newton, one held control"
 ASKED = "Asked of the body"
-ATHLETE = {"plant.skydiver": "athlete"}
 FLOWN = {
     "UTC, the paper's setting": "fast_turn_unknown_dynamics",
     "UTC, beyond the paper": "fast_turn_beyond_the_paper",
@@ -40,7 +40,9 @@ def sweep(scenario: str) -> list[list[Run]]:
     """Each turn flown, one row per amplitude."""
 
     def flown(amplitude: float, frequency: float) -> Run:
-        return simulate(load_scenario(scenario, {**ATHLETE, **turn_of(amplitude, frequency)}))
+        return simulate(
+            load_scenario(scenario, flown_by("athlete", scenario) | turn_of(amplitude, frequency))
+        )
 
     return [[flown(a, f) for f in FREQUENCIES] for a in AMPLITUDES]
 
@@ -112,7 +114,7 @@ def main(figure: Path | None) -> None:
             shares = [[reachability.in_flight(flight) for flight in row] for row in flights]
             title = f"{name}: share of the largest yaw acceleration asked for, at most (above 1 for so long)"
             tell(title, [[f"{largest:.2f} ({above:.0%})" for largest, above in row] for row in shares])
-    athlete = load_scenario(FLOWN[GAUSS_NEWTON], ATHLETE)
+    athlete = load_scenario(FLOWN[GAUSS_NEWTON], flown_by("athlete", FLOWN[GAUSS_NEWTON]))
     maps[ASKED] = reachability.of_sines(athlete, AMPLITUDES, FREQUENCIES)
     tell(
         f"{ASKED}, straight fall: the same share", [[f"{share:.2f}" for share in row] for row in maps[ASKED]]

@@ -126,7 +126,8 @@ class GaussNewtonController:
     def _program(self, J: Array, error: Array, steps: int) -> tuple[Array, Array]:
         """H (n, n) and g (n,) of J / 2 = 1/2 x' H x + g' x + const, outputs linearised with slopes J (n, N l)."""
         m, blocks = len(self._applied), self._horizon.blocks
-        H, g = J @ J.T / steps, J @ error / steps
+        with np.errstate(over="ignore", invalid="ignore"):  # of a model that diverges
+            H, g = J @ J.T / steps, J @ error / steps
         control, change = self._cost.control / blocks, self._cost.change / blocks
         g -= np.tile(control * self._cost.rest, blocks)
         g[:m] -= change * self._applied
