@@ -167,7 +167,7 @@ def by_address(parts: Sequence[tuple[Any, Any]], *example: Any) -> Callable[...,
     ]
     where = np.array([functions, [numbers.address for numbers in placed]])
     run: Any = partial(_run_one if len(example) == 2 else _run_two, where)
-    run.numbers = placed  # They live as long as the function.
+    run.kept = parts, placed  # Machine code and numbers live as long as what calls them.
     result: Callable[..., None] = run
     return result
 
@@ -183,11 +183,12 @@ def address(function: Any, *example: Any) -> int:
     return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
 
 
-@lru_cache(maxsize=256)
 def in_memory(given: Any) -> Any:
-    """A jitted function (..., numbers, out) as one that finds its numbers in memory."""
-    template = {3: _of_three, 4: _of_four}[given.py_func.__code__.co_argcount]
-    return bound(template, "in_memory", given, function=given)
+    """A jitted function (..., numbers, out) that finds its numbers in memory; it lives as long as the given one."""
+    if not hasattr(given, "in_memory"):
+        template = {3: _of_three, 4: _of_four}[given.py_func.__code__.co_argcount]
+        given.in_memory = bound(template, "in_memory", given, function=given)
+    return given.in_memory
 
 
 def function(*_: Any) -> Any:
