@@ -26,6 +26,7 @@ import numba
 import numpy as np
 from numba.core import cgutils, event, types
 from numba.core.caching import FunctionCache
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import TypingError
 from numba.core.registry import CPUDispatcher
@@ -49,7 +50,7 @@ def kernel(function: _Function) -> _Function:
 
 
 def inlined(function: _Function) -> _Function:
-    """A kernel of a hot loop, whose text is laid into its callers'."""
+    """A kernel of a hot loop, inlined into its callers."""
     return _kernel(function, inline="always")
 
 
@@ -71,12 +72,15 @@ def _kernel(function: _Function, **options: str) -> _Function:
 def program(function: _Function) -> _Function:
     """Compile a function that Python calls, or another program by its `address`, and keep it on disk."""
     settings: Any = numba.config
-    configured = settings.CACHE_DIR
-    settings.CACHE_DIR = str(Path(configured or Path(__file__).parent / "__pycache__") / _sources_digest())
-    try:
-        compiled: Any = kept_on_disk(numba.njit(**_OPTIONS)(function), function)
-    finally:
-        settings.CACHE_DIR = configured
+    with global_compiler_lock:
+        configured = settings.CACHE_DIR
+        settings.CACHE_DIR = str(
+            Path(configured or Path(__file__).parent / "__pycache__") / _sources_digest()
+        )
+        try:
+            compiled: Any = kept_on_disk(numba.njit(**_OPTIONS)(function), function)
+        finally:
+            settings.CACHE_DIR = configured
     result: _Function = compiled
     return result
 
@@ -124,8 +128,8 @@ class InMemory:
 
     def __init__(self, numbers: Any) -> None:
         self._kept = _plain_numbers(numbers)
-        self._words = np.array(_words(self._kept), dtype=np.int64)
-        self.address = self._words.ctypes.data
+        self._layout = np.array(_layout(self._kept), dtype=np.int64)
+        self.address = self._layout.ctypes.data
         self.type = _types.CPointer(numba.typeof(self._kept))
 
 
@@ -145,12 +149,12 @@ def _plain_numbers(value: Any) -> Any:
     )
 
 
-def _words(value: Any) -> list[int]:
-    """What numba holds a value in: eight bytes a number; for an array its address, shape and strides."""
+def _layout(value: Any) -> list[int]:
+    """The words of 8 bytes in which numba stores a value; of an array its address, shape and strides."""
     if isinstance(value, tuple):
-        return [word for item in value for word in _words(item)]
+        return [word for item in value for word in _layout(item)]
     if isinstance(value, np.ndarray):
-        # The first two words are who owns the memory: nobody whom machine code would have to count.
+        # The first two words, numba's owner of the memory, are null: no reference counting.
         return [0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides]
     return [value if isinstance(value, int) else int(np.float64(value).view(np.int64))]
 
@@ -158,7 +162,7 @@ def _words(value: Any) -> list[int]:
 def by_address(parts: Sequence[tuple[Any, Any]], *example: Any) -> Callable[..., None]:
     """Jitted functions (..., numbers, out), each with its own numbers in memory, one after the other in one call.
 
-    example: of the arguments without the numbers, one or two and out; those of a call are contiguous and of its types
+    example: arguments without the numbers, one or two and out; those of a call must be C-contiguous and of these types
     """
     placed = [InMemory(numbers) for _, numbers in parts]
     functions = [
@@ -205,7 +209,7 @@ def _of_four(first: Any, second: Any, numbers: Any, out: Any) -> None:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def contents(_context: Any, pointer: Any) -> Any:
-    """What a pointer points at, part by part; machine code need not count who uses its arrays."""
+    """What a pointer points at, part by part, without reference counting."""
 
     def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         def load(kind: Any, where: Any) -> Any:
@@ -231,8 +235,9 @@ def contents(_context: Any, pointer: Any) -> Any:
 @intrinsic  # type: ignore[untyped-decorator]
 def call(_context: Any, where: Any, arguments: Any) -> Any:
     """call(address, (argument, ...)): run the machine code there; what it raises is raised here."""
-    if any(isinstance(kind, types.Array) and kind.layout != "C" for kind in arguments):
-        raise TypingError("machine code is called with contiguous arrays only")
+    for kind in arguments:
+        if isinstance(kind, types.Array) and (kind.layout != "C" or kind.dtype != types.float64):
+            raise TypingError(f"machine code takes contiguous arrays of float64, not {kind}")
 
     def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         convention, given = context.call_conv, tuple(arguments)

@@ -22,6 +22,8 @@ def calibrate(
 ) -> int:
     """Search, write the best skydiver into the folder, print it beside its targets; returns the exit code."""
     wanted = load_calibration(calibration)
+    of_so_many = "" if evaluations is None else f" --evaluations {evaluations}"
+    command = f"skydiver-utc calibrate {calibration} --seed {seed}{of_so_many}"
     start = start_of(wanted)
     prepare_folder(out)
     count = evaluations or wanted.evaluations
@@ -35,7 +37,7 @@ def calibrate(
     best = best_of(done)
     values = report(wanted, best, seed, len(done))
     write_report(out, values)
-    skydiver = None if best.error else write_skydiver(out, wanted, start, best, seed)
+    skydiver = None if best.error else write_skydiver(out, wanted, start, best, command)
     show_json_or(values, as_json, partial(_show, wanted, numbers_of(wanted, start)))
     if skydiver and not as_json:
         show_lines(f"fly it: skydiver-utc simulate fast_turn_pi_dynamics --set plant.skydiver={skydiver}")

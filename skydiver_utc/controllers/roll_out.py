@@ -143,7 +143,7 @@ def roll_out(state: Array, preview: Array, numbers: Setup, out: Array) -> None:
 
 
 class RollOut:
-    """The roll-out of a model: compiled if the model is, else the same text interpreted.
+    """The roll-out of a model, for one thread: compiled if the model is, else the same text interpreted.
 
     A function of the user's that raises an ArithmeticError, ValueError (LinAlgError is one) or IndexError has left
     where it is defined: that point diverges there, and `cause` holds the first such error. Every other error of
@@ -211,6 +211,8 @@ class RollOut:
             if compiled is not None:
                 try:
                     compiled(state, preview, out)
+                except NumbaError as error:  # of an array that machine code does not take
+                    raise ValueError(f"{one_line(error)}.") from error
                 except (*LEFT_ITS_DOMAIN, *MISTAKES):
                     pass  # Compiled code cannot go on with the other points: the same again from Python.
                 else:

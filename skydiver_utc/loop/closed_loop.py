@@ -30,7 +30,7 @@ def simulate(
     controller, estimator = build(scenario, plant, reference), build_estimator(scenario, plant)
     decider = Decider(controller, estimator, plant_steps.disturbances)
     steps, m, width = scenario.steps, len(plant.control_names), controller.preview_steps + 1
-    profile = reference.preview(0, steps + width)
+    profile = np.ascontiguousarray(reference.preview(0, steps + width), dtype=float)
     states = np.empty((steps + 1, len(plant_steps.state)))
     commands, applied = np.empty((steps, m)), np.empty((steps, m))
     telemetry = np.empty((steps, len(controller.telemetry_names)))

@@ -29,7 +29,8 @@ class PlantSteps:
     def reset(self) -> None:
         """Before a run."""
         self.k = -1
-        self.state, self.applied = self.plant.initial_state(), self.plant.initial_applied()
+        self.state = np.array(self.plant.initial_state(), dtype=float)
+        self.applied = np.array(self.plant.initial_applied(), dtype=float)
         self._monitor = OutcomeMonitor(self._scenario, self.plant)
 
     def begin(self) -> bool:

@@ -23,7 +23,7 @@ def p_err(results: PaperResults) -> Claim:
     """What P_err trades."""
     found = [[results.of(one) for one in flown.P_ERR.cases(name)] for name in flown.SWEPT]
     accuracy = [_never_falls([one.rmse for one in row]) for row in found]
-    thrift = [_never_falls([-one.effort for one in row]) for row in found]
+    thrift = [_never_falls([-one.effort for one in row]) and row[-1].effort < row[0].effort for row in found]
     ends = "; ".join(
         f"{name}: RMSE {figure(row[0].rmse)} to {figure(row[-1].rmse)}, effort {row[0].effort:.2f} to"
         f" {row[-1].effort:.2f}"
@@ -32,7 +32,7 @@ def p_err(results: PaperResults) -> Claim:
     return decided(
         "P_err is the trade-off between accuracy and control effort",
         f"from {flown.P_ERR.values[0]:g} to {flown.P_ERR.values[-1]:g} the RMSE never falls, the effort never rises"
-        " (within 5 %)",
+        " (within 5 %) and is less at the end",
         ends,
         [*accuracy, *thrift],
         "A large P_err costs accuracy; the effort hardly changes, because the bounds hold the controls.",

@@ -28,7 +28,7 @@ _MATRICES = {
         flown.INSENSITIVE,
     ),
     "Moving limbs": (
-        "The plant feels the reaction of moving limbs, which the controllers' model does not.",
+        "The plant includes the reaction of moving limbs, which the controllers' model does not.",
         flown.LIMBS,
     ),
 }
@@ -52,7 +52,7 @@ other figure: [details](details.md).
 
 ## Claims
 
-Of {len(claims)}: {", ".join(f"{counts[verdict]} {verdict.value}" for verdict in Verdict if counts[verdict])}.
+Of {len(claims)}: {counted(counts)}.
 
 {table(("the paper says", "", "measured", "remark"), rows)}
 ## The paper's figures
@@ -150,3 +150,11 @@ def _variants(results: PaperResults) -> str:
         rows.append((variant.point, variant.printed, variant.happens or "-", variant.working, *measured))
     head = ("point", "other variant", "what happens then", "default", "code", "RMSE", "RMSE, default")
     return table(head, rows)
+
+
+def counted(counts: Counter[Verdict]) -> str:
+    """How many claims have each verdict, in words."""
+    plural = {Verdict.HOLDS: "hold", Verdict.PARTLY: "hold partly", Verdict.FAILS: "do not hold"}
+    single = {Verdict.HOLDS: "holds", Verdict.PARTLY: "holds partly", Verdict.FAILS: "does not hold"}
+    found = [(counts[verdict], verdict) for verdict in Verdict if counts[verdict]]
+    return ", ".join(f"{n} {(single if n == 1 else plural).get(verdict, verdict.value)}" for n, verdict in found)

@@ -76,6 +76,13 @@ class PaperController:
     ) -> None:
         if len(outputs) != 1:
             raise ValueError("the paper's law tracks one output")
+        coupling, inside = settings.coupling, settings.dynamics
+        if (
+            coupling.alpha_sign != "reference"
+            or coupling.full_acceleration > 0.0
+            or (inside and inside.saved != "first_step")
+        ):
+            raise ValueError("the paper's law has no alpha_sign, full_acceleration or saved: leave them out")
         self._settings, self._variants = settings, frozenset(settings.variants)
         self._plant, self._limits, names = plant, limits_of(plant), plant.control_names
         self._variances = np.array([settings.Pu[name] for name in names])

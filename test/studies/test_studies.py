@@ -191,7 +191,7 @@ class TestClaims:
     def test_a_worse_flight_turns_a_verdict(self) -> None:
         assert verdict(results_with(), "the accuracy is better") is Verdict.HOLDS
         assert verdict(results_with(M1_C2=50.0), "the accuracy is better") is Verdict.FAILS
-        assert verdict(results_with(M1_C2=5.0, M1_C3=3.0, M0_C2=3.0), "accurately tracks") is Verdict.HOLDS
+        assert verdict(results_with(M1_C2=3.0, M1_C3=2.0, M0_C2=4.0), "accurately tracks") is Verdict.HOLDS
         assert verdict(results_with(M1_C2=50.0), "accurately tracks") is Verdict.PARTLY
         assert verdict(results_with(), "need not be parameterised") is Verdict.HOLDS
         assert verdict(results_with(M1_C2=50.0), "need not be parameterised") is Verdict.PARTLY

@@ -54,7 +54,12 @@ class Coupling(Parameters):
     ] = "reference"
     low_damping: Annotated[
         float,
-        quantity("1", "yaw damping coefficient up to which alpha_sign: damping is negative", ge=0, le=50),
+        quantity(
+            "1",
+            "yaw damping coefficient at or below which s14 changes sign (alpha_sign: damping)",
+            ge=0,
+            le=50,
+        ),
     ] = 0.06
     k_hyst_s: Annotated[
         float, quantity("s", "look-ahead of the sign of the coupling with alpha", ge=0, le=10)

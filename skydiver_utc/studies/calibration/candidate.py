@@ -19,6 +19,12 @@ _OF_SKYDIVER = ("subject", "posture", "pattern", "damping", "hands", "limbs")
 _OF_FALL = ("fall_speed_m_s", "pitch_deg")
 _SPEED_DIGITS = 6
 
+# Where the numbers of a skydiver stand, which his file holds.
+_OF_A_SKYDIVER = (
+    "plant.subject.", "plant.damping.", "plant.hands.", "plant.limbs.", "plant.initial.pitch_deg",
+    "plant.initial.fall_speed_m_s",
+)  # fmt: skip
+
 
 def skydiver_of(scenario: Scenario) -> dict[str, Any]:
     """The skydiver as the plain data of a file below ``config/skydivers``, its own files written out."""
@@ -100,6 +106,8 @@ def _place(content: dict[str, Any], name: str) -> tuple[Any, str | int]:
     block: Any = content
     *parents, last = name.split(".")
     try:
+        if not name.startswith(_OF_A_SKYDIVER):
+            raise KeyError(name)
         for parent in parents:
             block = block[parent]
         key = _AREAS.index(last) if isinstance(block, list) else last

@@ -28,7 +28,7 @@ _MARGIN = 0.1
 # The most that a target costs, and what each costs that is not reached.
 _LARGEST_COST = 3.0
 # Where all targets of a stage are missed by more than a factor of 3 no later one is begun.
-_TOO_FAR = math.asinh(3.0) - math.asinh(1.0)
+_TOO_FAR = math.log(3.0)
 
 
 class Evaluation(Parameters):
@@ -125,9 +125,10 @@ def _judged(value: float | None, bar: Bar, factor: float | None) -> _Judged:
 
 
 def _distance(value: float, bar: float) -> float:
-    """The logarithm of value / bar, but even through zero."""
-    scale = abs(bar) or 1e-9
-    return math.asinh(value / scale) - math.asinh(bar / scale)
+    """How far a value lies above a bar: the logarithm of value / bar; the largest cost where one is not of the sign."""
+    if value * bar > 0.0:
+        return math.copysign(1.0, bar) * math.log(value / bar)
+    return math.copysign(_LARGEST_COST, value - bar) if value != bar else 0.0
 
 
 def _cost(miss: float) -> float:

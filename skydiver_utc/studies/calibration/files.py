@@ -17,12 +17,11 @@ SKYDIVER = "skydiver.yaml"
 
 
 def write_skydiver(
-    folder: Path, calibration: Calibration, start: Scenario, best: Evaluation, seed: int
+    folder: Path, calibration: Calibration, start: Scenario, best: Evaluation, command: str
 ) -> Path:
     """Write suit, subject, posture, pattern and the skydiver that names them; returns the skydiver's path."""
     skydiver = skydiver_of(build_candidate(calibration, start, best.numbers))
     subject, own = skydiver["subject"], start.plant.subject.suit
-    command = f"skydiver-utc calibrate {calibration.name} --seed {seed}"
     met = f"{sum(best.met)} of {len(best.met)} targets met"
     suit = subject["suit"]
     suit["source"] = f"Calibrated by {command} ({met}) from suit {own.name}. That one's source: {own.source}"
