@@ -170,10 +170,18 @@ def by_address(parts: Sequence[tuple[Any, Any]], *example: Any) -> Callable[...,
         for (function, _), numbers in zip(parts, placed, strict=True)
     ]
     where = np.array([functions, [numbers.address for numbers in placed]])
-    run: Any = partial(_run_one if len(example) == 2 else _run_two, where)
+    run = _Call(_run_one if len(example) == 2 else _run_two, where)
     run.kept = parts, placed  # Machine code and numbers live as long as what calls them.
-    result: Callable[..., None] = run
-    return result
+    return run
+
+
+class _Call(partial[None]):
+    """A call by address, which holds in this process only."""
+
+    kept: Any
+
+    def __reduce__(self) -> Any:
+        raise TypeError("machine code cannot be sent to another process")
 
 
 def address(function: Any, *example: Any) -> int:

@@ -101,6 +101,10 @@ class Plant(ABC):
         """The functions of `model` for Python."""
         return self.model.bound(len(self.control_names), len(self.output_names))
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Of a plant that goes to another process: machine code stays behind, where its addresses hold."""
+        return {name: value for name, value in self.__dict__.items() if name != "bound_model"}
+
     @abstractmethod
     def initial_state(self) -> Array:
         """State (n,) at step 0."""

@@ -157,4 +157,6 @@ def counted(counts: Counter[Verdict]) -> str:
     plural = {Verdict.HOLDS: "hold", Verdict.PARTLY: "hold partly", Verdict.FAILS: "do not hold"}
     single = {Verdict.HOLDS: "holds", Verdict.PARTLY: "holds partly", Verdict.FAILS: "does not hold"}
     found = [(counts[verdict], verdict) for verdict in Verdict if counts[verdict]]
-    return ", ".join(f"{n} {(single if n == 1 else plural).get(verdict, verdict.value)}" for n, verdict in found)
+    return ", ".join(
+        f"{n} {(single if n == 1 else plural).get(verdict, verdict.value)}" for n, verdict in found
+    )

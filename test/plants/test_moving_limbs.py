@@ -32,7 +32,6 @@ def plant_of(dt=0.0042, nodes=1025, reaction=True):
 
 def in_vacuum(plant):
     copied = copy(plant)
-    copied.__dict__.pop("bound_model", None)
     empty = plant.constants._replace(half_density=0.0, gravity=0.0, hand_force=0.0)
     copied.model = plant.model._replace(parameters=empty)
     return copied
