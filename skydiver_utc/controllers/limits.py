@@ -21,3 +21,19 @@ def limited(wanted: Array, previous: Array, limits: Array) -> Array:
     bounded = np.minimum(np.maximum(wanted, minimum), maximum)
     slewed: Array = np.minimum(np.maximum(bounded, previous - change), previous + change)
     return slewed
+
+
+class LimitedController:
+    """A controller whose whole memory is the control applied last (m,), inside the plant's limits (3, m)."""
+
+    def __init__(self, plant: Plant) -> None:
+        self._limits, self._initial = limits_of(plant), plant.initial_control()
+        self.reset()
+
+    def reset(self) -> None:
+        """Start again from the initial control."""
+        self.resume(self._initial)
+
+    def resume(self, control: Array) -> None:
+        """Start from this control (m,), the one applied last."""
+        self._previous = control.copy()

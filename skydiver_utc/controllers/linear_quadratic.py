@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.controllers.horizon import cost_of
-from skydiver_utc.controllers.limits import limited, limits_of
+from skydiver_utc.controllers.limits import LimitedController, limited
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import LqrSettings
 from skydiver_utc.plants.protocol import Plant, Reduced
@@ -97,7 +97,7 @@ def design(plant: Linearised, control_weight: Array, change_weight: Array, previ
     return Gains(feedback, np.array(of_steps))
 
 
-class LinearQuadraticController:
+class LinearQuadraticController(LimitedController):
     """The regulator about the plant's equilibrium under the control at rest (`Plant.reduced`)."""
 
     telemetry_names: tuple[str, ...] = ("error", "beyond_limits")
@@ -106,32 +106,24 @@ class LinearQuadraticController:
         self, settings: LqrSettings, plant: Plant, outputs: tuple[str, ...], dt_s: float, seed: int = 0
     ) -> None:
         cost = cost_of(settings, plant)
-        self._limits, self._initial, self._rest = limits_of(plant), plant.initial_control(), cost.rest
+        self._rest = cost.rest
         self._about = plant.reduced(cost.rest)
         self._plant = linearised(plant, self._about, cost.rest, outputs)
         self._gains = design(self._plant, cost.control, cost.change, settings.horizon_steps)
         self.preview_steps = settings.preview_steps(dt_s)
-        self.reset()
-
-    def reset(self) -> None:
-        """Start again from the initial control."""
-        self.resume(self._initial)
-
-    def resume(self, control: Array) -> None:
-        """Start from this control, the one applied last."""
-        self._applied = control.copy()
+        super().__init__(plant)
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """u_k = u_k-1 - K xi + F r, then the limits."""
         z = self._about.reduce(state) - self._about.state
-        xi = np.concatenate([z, self._applied - self._rest])
+        xi = np.concatenate([z, self._previous - self._rest])
         reference = preview - self._plant.outputs
         ahead = np.einsum("jcl,jl->c", self._gains.preview, reference[1:])
-        wanted = self._applied - self._gains.feedback @ xi + ahead
+        wanted = self._previous - self._gains.feedback @ xi + ahead
         if not np.isfinite(wanted).all():
-            return Decision(self._applied.copy(), np.zeros(len(self.telemetry_names)), Status.KEPT_PREVIOUS)
-        control = limited(wanted, self._applied, self._limits)
-        self._applied = control
+            return Decision(self._previous.copy(), np.zeros(len(self.telemetry_names)), Status.KEPT_PREVIOUS)
+        control = limited(wanted, self._previous, self._limits)
+        self._previous = control
         error = float(np.hypot.reduce(reference[0] - self._plant.C @ z, initial=0.0))
         status = Status.SOLVED if (control == wanted).all() else Status.SATURATED
         return Decision(control.copy(), np.array([error, np.abs(wanted - control).max()]), status)

@@ -4,7 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.controllers.limits import limited, limits_of
+from skydiver_utc.controllers.limits import LimitedController, limited
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import OpenLoopSettings
 from skydiver_utc.plants.protocol import Plant
@@ -12,7 +12,7 @@ from skydiver_utc.plants.protocol import Plant
 Array = NDArray[np.float64]
 
 
-class OpenLoop:
+class OpenLoop(LimitedController):
     """Controls named by the reference follow it; the others keep their initial values."""
 
     preview_steps = 0
@@ -25,17 +25,8 @@ class OpenLoop:
                 f"the reference must be for controls of the plant, not for {', '.join(sorted(unknown))}"
             )
         self._driven = [plant.control_names.index(name) for name in outputs]
-        self._limits, self._initial = limits_of(plant), plant.initial_control()
         self.telemetry_names: tuple[str, ...] = tuple(f"{name}_unlimited" for name in outputs)
-        self.reset()
-
-    def reset(self) -> None:
-        """Start again from the initial control."""
-        self.resume(self._initial)
-
-    def resume(self, control: Array) -> None:
-        """Start from this control (m,), the one applied last."""
-        self._previous = control.copy()
+        super().__init__(plant)
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """The reference, bounded and slewed."""

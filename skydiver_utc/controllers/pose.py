@@ -4,7 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.controllers.limits import limited, limits_of
+from skydiver_utc.controllers.limits import LimitedController, limited
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import PoseSettings
 from skydiver_utc.plants.protocol import Plant
@@ -12,7 +12,7 @@ from skydiver_utc.plants.protocol import Plant
 Array = NDArray[np.float64]
 
 
-class PoseController:
+class PoseController(LimitedController):
     """Moves the pattern angle `alpha` for the first output of the reference; the hands rest."""
 
     preview_steps = 0
@@ -26,16 +26,7 @@ class PoseController:
         self._settings, self._plant = settings, plant
         self._output = plant.output_names.index(outputs[0])
         self._damping_at, self._alpha_at = map(plant.control_names.index, ("Cm_damp_yaw", "alpha"))
-        self._limits, self._initial = limits_of(plant), plant.initial_control()
-        self.reset()
-
-    def reset(self) -> None:
-        """Start again from the initial control."""
-        self.resume(self._initial)
-
-    def resume(self, control: Array) -> None:
-        """Start from this control (m,), the one applied last."""
-        self._previous = control.copy()
+        super().__init__(plant)
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """u = K_p (yr_ref - yr_real) + K_FF yr_ref, bounded and slewed."""

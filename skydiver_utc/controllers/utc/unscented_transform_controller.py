@@ -259,8 +259,7 @@ class UnscentedTransformController:
                 if self._coupling is None
                 else self._coupling.process_noise(preview[:, 0], self._control)
             )
-        if Qu is not None:
-            self._Qu_now[:] = Qu
+        self._Qu_now[:] = Qu
         self._run(state, preview, self._out)
         status, recovery, lost = self._events.tolist()
         if status == _KEPT_PREVIOUS:
