@@ -10,8 +10,11 @@ import yaml
 
 from skydiver_utc.parameters.errors import ParameterError
 
+# In C where PyYAML was built with libyaml.
+_SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
-class _StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+
+class _StrictLoader(_SafeLoader):  # type: ignore[misc]
     """Refuses a key that stands twice and reads 1e-4 as a number, as YAML 1.2 does."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
@@ -20,7 +23,8 @@ class _StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ign
             if keys.count(key) > 1:
                 line = node.start_mark.line + 1
                 raise ParameterError(f"the key {key!r} stands twice in the block at line {line}: keep one")
-        return super().construct_mapping(node, deep=deep)
+        mapping: dict[Any, Any] = super().construct_mapping(node, deep=deep)
+        return mapping
 
 
 class _Dumper(yaml.SafeDumper):
