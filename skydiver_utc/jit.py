@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How kernels are compiled, called by address, and kept on disk.
+"""Compiling kernels, calling them by address, and keeping them on disk.
 
 A `kernel` is compiled into those that call it. A `program` is what Python calls, or another program through its
 `address`: it alone is kept on disk, so what it computes never depends, to the last bit, on what came from there.
@@ -204,7 +204,7 @@ def in_memory(given: Any) -> Any:
 
 
 def function(*_: Any) -> Any:
-    """What the templates below call."""
+    """The function that the templates below call."""
 
 
 def _of_three(first: Any, numbers: Any, out: Any) -> None:
@@ -217,7 +217,7 @@ def _of_four(first: Any, second: Any, numbers: Any, out: Any) -> None:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def contents(_context: Any, pointer: Any) -> Any:
-    """What a pointer points at, part by part, without reference counting."""
+    """The value at a pointer, part by part, without reference counting."""
 
     def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         def load(kind: Any, where: Any) -> Any:
@@ -278,7 +278,7 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         self._source = source
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """What was kept for a signature, or None."""
+        """The compilation kept for a signature, or None."""
         with suppress(_UnknownContentsError):
             return super().load_overload(sig, target_context)
         return None
@@ -293,7 +293,7 @@ class _Cache(FunctionCache):  # type: ignore[misc]
 
 
 class _UnknownContentsError(Exception):
-    """What a function refers to cannot be written down."""
+    """A function refers to an object without a digest."""
 
 
 def _contents(source: Any) -> str:

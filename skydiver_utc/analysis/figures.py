@@ -68,7 +68,7 @@ def tracking_figure(run: Run) -> Figure:
 
 
 def _panels(run: Run) -> list[Panel]:
-    """What is drawn of the outputs."""
+    """The curves of each output."""
     found: list[Panel] = []
     if run.tracks_outputs:
         several = len(run.tracked_names) > 1

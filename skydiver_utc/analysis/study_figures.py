@@ -18,7 +18,7 @@ _MARKERS = ("o", "s")
 
 
 class Curve(NamedTuple):
-    """What one scenario gave: RMSE [deg/s] and control effort for each value swept; NaN where there is none."""
+    """RMSE [deg/s] and control effort of a scenario for each value swept; NaN where there is none."""
 
     label: str
     rmse: Sequence[float]
@@ -90,7 +90,7 @@ class Cloud(NamedTuple):
 
 
 def tuning_figure(clouds: Sequence[Cloud], bar_deg_s: float) -> Figure:
-    """How many tunings stay below an RMSE, and which factors move it."""
+    """Share of tunings below an RMSE, and the factors that move the RMSE."""
     with house_style():
         figure = empty_figure(10.0, 5.4)
         shares, bars = figure.subplots(1, 2, gridspec_kw={"width_ratios": [1.15, 1.0]})

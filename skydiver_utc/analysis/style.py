@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How every figure of the package looks, and how it becomes a file."""
+"""The style of every figure of the package, and writing a figure to a file."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -9,7 +9,7 @@ from skydiver_utc.plants.protocol import Plant
 
 
 class Shown(NamedTuple):
-    """How a signal is shown: its name in words, its unit, and the factor from the plant's own unit."""
+    """Presentation of a signal: its name in words, its unit, and the factor from the plant's own unit."""
 
     name: str
     unit: str
@@ -27,7 +27,7 @@ def in_degrees(unit: str) -> tuple[str, float]:
 
 
 def shown(plant: Plant, name: str, degrees: bool = True) -> Shown:
-    """How an output or a control of the plant is shown; without `degrees` in its own unit."""
+    """Presentation of an output or a control of the plant; without `degrees` in its own unit."""
     unit, factor = plant.units.get(name, "1"), 1.0
     if degrees:
         unit, factor = in_degrees(unit)

@@ -33,7 +33,7 @@ class Movement(Protocol):
 
 
 def movement(posture: Posture, pattern: MovementPattern | PosturePath) -> Movement:
-    """How the body moves with alpha: along a direction from the posture, or through the postures of a path."""
+    """The body's motion over alpha: along a direction from the posture, or through the postures of a path."""
     if isinstance(pattern, PosturePath):
         return _Path(pattern)
     return _Straight(posture, pattern)

@@ -64,7 +64,7 @@ def examine(folder: Path) -> tuple[Run, dict[str, Any]]:
 
 
 def _versions(path: Path) -> dict[str, str]:
-    """What the recorder wrote beside the bag, empty where it is missing."""
+    """The recorder's file beside the bag, empty where it is missing."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -61,6 +61,6 @@ def scenario_of(scenario: str, settings: Sequence[str], path: PosturePath, start
 
 
 def command(scenario: str, settings: Sequence[str]) -> str:
-    """What to type into a shell."""
+    """The same command for a shell."""
     options = [part for setting in settings for part in ("--set", setting)]
     return shlex.join(["skydiver-utc", "simulate", scenario, *options])

@@ -115,7 +115,7 @@ class NodeProcesses:
         return self._processes[kind].wait()
 
     def ending(self, kind: str) -> str:
-        """How a node ended, in two words."""
+        """The end of a node in two words."""
         code = self.exit_code(kind)
         return f"exit code {code}" if code >= 0 else f"signal {signal.Signals(-code).name}"
 

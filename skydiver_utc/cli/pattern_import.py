@@ -148,7 +148,7 @@ class _Table(NamedTuple):
 
 
 def _table(source: Path, path: PosturePath, scenario_with: Callable[[int], Scenario]) -> _Table:
-    """How many nodes the plant's table needs to be exact enough for the path."""
+    """The number of nodes with which the plant's table is exact enough for the path."""
     closest = float(np.diff([keyframe.alpha for keyframe in path.keyframes]).min())
     nodes, most = _NODES
     needed = (ALPHA[1] - ALPHA[0]) / closest + 1.0

@@ -149,7 +149,7 @@ def _run(
 
 
 def recording_state(folder: Path) -> str:
-    """What was recorded into a run folder, and the command for it."""
+    """The files of a run folder, and the command that reads them."""
     if (folder / METADATA_FILE).is_file():
         if message_count(folder) == 0:
             return f"nothing was recorded yet, {folder} can be deleted"

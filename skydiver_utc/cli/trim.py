@@ -110,5 +110,5 @@ def _table_of_turning(values: dict[str, Any]) -> Table:
 
 
 def _residual(value: float) -> str:
-    """What is left of an acceleration; below a bound, rounding errors are not shown."""
+    """The residual of an acceleration; below a bound, rounding errors are not shown."""
     return f"{value:.1e}" if value >= _ROUNDING else f"< {_ROUNDING:.0e}"

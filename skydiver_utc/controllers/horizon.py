@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What Gauss-Newton and path-integral control share: the horizon's grid, its control sequence and its cost.
+"""The horizon's grid, control sequence and cost, shared by Gauss-Newton and path-integral control.
 
 The horizon has N model steps of `periods` control periods each, cut into B blocks of equal length. A control
 sequence (B, m) holds one control per block. A control without a rate limit jumps at the start of its block and is

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every controller offers to the closed loop."""
+"""The interface of a controller to the closed loop."""
 
 from enum import IntEnum
 from typing import NamedTuple, Protocol

@@ -32,7 +32,7 @@ Steps = NDArray[np.int64]
 
 
 class Dynamics(NamedTuple):
-    """How a point becomes a control: a program, or None for a held control, and its numbers.
+    """The control of a point over the horizon: a program, or None for a held control, and its numbers.
 
     function(point (p,), before (m,), state (n,), y (L,), y_before (L,), preview (N+1, l), j, numbers, out (m,)) writes
     the control wanted on step j; before is the control on the step before, y the model's outputs now and y_before one
@@ -45,7 +45,7 @@ class Dynamics(NamedTuple):
 
 
 class Setup(NamedTuple):
-    """All that a roll-out has from its start on: functions, or the addresses of compiled ones, and arrays.
+    """Functions, or the addresses of compiled ones, and arrays of a roll-out.
 
     kind: 0 for held points, 1 for dynamics, 2 for dynamics that see the `named` outputs
     steps (T,) rising: after which steps the selected outputs (l,) are written, to outputs (S, T l); NaN from where a
@@ -255,7 +255,7 @@ class RollOut:
 
 
 def _itself(numbers: Any) -> Any:
-    """What numbers contain that are not in memory."""
+    """The numbers themselves, for Python."""
     return numbers
 
 

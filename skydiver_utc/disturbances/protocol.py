@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every disturbance offers to the closed loop."""
+"""The interface of a disturbance to the closed loop."""
 
 from typing import Protocol
 
@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 
 class Disturbance(Protocol):
-    """What acts on a run besides the controls; made as `Class(settings, plant, dt_s, seed)`.
+    """An influence on a run besides the controls; made as `Class(settings, plant, dt_s, seed)`.
 
     A class that inherits from this one writes only the method that it needs.
     """
@@ -20,5 +20,5 @@ class Disturbance(Protocol):
         return state
 
     def measurement(self, k: int, state: Array) -> Array:
-        """What is measured (n,) of the state at step k."""
+        """The measured state (n,) at step k."""
         return state

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every estimator offers to the closed loop."""
+"""The interface of an estimator to the closed loop."""
 
 from typing import Protocol
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a run ended, in one word and one sentence."""
+"""The end of a run in one word and one sentence."""
 
 from enum import Enum
 
@@ -11,7 +11,7 @@ from skydiver_utc.plants.protocol import Plant
 
 
 class Outcome(str, Enum):
-    """How a run ended."""
+    """The end of a run."""
 
     COMPLETED = "completed"
     ROLLED_OVER = "rolled_over"

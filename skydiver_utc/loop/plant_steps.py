@@ -55,7 +55,7 @@ class PlantSteps:
 
     @property
     def outcome(self) -> Outcome:
-        """How the run ended, or stands."""
+        """The outcome of the run so far."""
         return self._monitor.outcome
 
     @property

@@ -20,7 +20,7 @@ def build_plant(scenario: Scenario) -> Plant:
 
 
 def build_reference(scenario: Scenario) -> Reference:
-    """What the plant's outputs are to be."""
+    """The reference of a scenario."""
     reference: Reference = _build("reference", scenario.reference, scenario.dt_s)
     return reference
 
@@ -56,13 +56,13 @@ def preview_steps(scenario: Scenario) -> int:
 
 
 def build_estimator(scenario: Scenario, plant: Plant) -> Estimator:
-    """What gives the controller its state."""
+    """The estimator of a scenario."""
     estimator: Estimator = _build("estimator", scenario.estimator, plant, scenario.dt_s)
     return estimator
 
 
 def build_disturbances(scenario: Scenario, plant: Plant) -> tuple[Disturbance, ...]:
-    """What disturbs the plant, in the order of the scenario; each with a seed of its own."""
+    """The disturbances in the order of the scenario, each with a seed of its own."""
     return tuple(
         _build("disturbance", settings, plant, scenario.dt_s, (scenario.seed, i))
         for i, settings in enumerate(scenario.disturbances)

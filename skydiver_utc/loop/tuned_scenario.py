@@ -18,7 +18,7 @@ class TunedScenario:
 
     @property
     def changes(self) -> dict[str, Any]:
-        """All that differs, live changes included."""
+        """All differences, live changes included."""
         delay = {"delay_steps": self._delay_steps} if self._delay_steps else {}
         return {**self._different, **self._changed, **delay}
 

@@ -33,7 +33,7 @@ def outcome_text(run_id: str, outcome: str, reason: str, **values: object) -> st
 
 
 def read_outcome(text: str) -> dict[str, Any]:
-    """What `outcome_text` wrote, with `wall_time_s` and `states`; `run_id` is empty where it has none."""
+    """The values of an `outcome_text`, with `wall_time_s` and `states`; `run_id` is empty where it has none."""
     try:
         found = dict(json.loads(text))
         outcome, reason, states = str(found["outcome"]), str(found["reason"]), int(found["states"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a controller publishes, each in answer to a state."""
+"""The messages that a controller publishes in answer to a state."""
 
 from typing import Any
 
@@ -53,7 +53,7 @@ class ControllerTopics:
         self._command.publish(message)
 
     def name_telemetry(self, names: tuple[str, ...]) -> None:
-        """What the controller's telemetry is called."""
+        """Names of the controller's telemetry."""
         self._telemetry_message.name = [*names, "solve_time", "status"]
 
     def publish_telemetry(self, stamp: Any, decision: Decision, solve_time_s: float) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all nodes share: settings and scenario, topics from the table, refused messages counted, diagnostics."""
+"""The base of all nodes: settings and scenario, topics from the table, refused messages counted, diagnostics."""
 
 import time
 import uuid
@@ -111,7 +111,7 @@ class ScenarioNode(ManagedNode):
             self._begins = None
 
     def missing(self) -> str:
-        """What this node waits for, in a sentence that is logged every few seconds; empty when for nothing."""
+        """The reason why this node waits, logged every few seconds; empty when it does not wait."""
         return ""
 
     @property

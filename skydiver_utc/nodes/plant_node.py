@@ -107,7 +107,7 @@ class PlantNode(ScenarioNode):
 
     @property
     def outcome(self) -> Outcome:
-        """How the run ended, or stands."""
+        """The outcome of the run so far."""
         return self._run.outcome
 
     def newest_step(self) -> int:

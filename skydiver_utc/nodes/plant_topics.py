@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a plant publishes."""
+"""The messages that a plant publishes."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ class PlantTopics:
         self._clock.publish(self._clock_message)
 
     def publish_applied(self, k: int, applied: Vector) -> None:
-        """What the actuators hold (a,) from step k on, and sometimes the joint angles at that."""
+        """The actuators' state (a,) from step k on, and sometimes the joint angles."""
         self._grid.set_stamp(self._applied_message.header.stamp, k)
         self._applied.publish(fill_named(self._applied_message, applied[: len(self._plant.control_names)]))
         if self._joints is not None and k % self._display_steps == 0:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every setting carries: a unit, a description and bounds."""
+"""The unit, description and bounds of a setting."""
 
 from typing import Any, get_origin
 

@@ -12,7 +12,7 @@ _OF_SCENARIO = (
 
 
 def usage(kind: str) -> str:
-    """What `<kind>_node --help` prints."""
+    """The text of `<kind>_node --help`."""
     model = SETTINGS[kind]
     fields = model.model_fields
     width = max(map(len, fields))

@@ -17,7 +17,7 @@ _OF_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides")
 
 
 class NodeSettings(Parameters):
-    """What every node has."""
+    """Parameters of every node."""
 
     scenario: Annotated[str, text("name of a scenario, or path of its YAML file")] = (
         "fast_turn_unknown_dynamics"
@@ -28,7 +28,7 @@ class NodeSettings(Parameters):
 
 
 class _PartnerSettings(NodeSettings):
-    """What plant, reference and controller have."""
+    """Parameters of plant, reference and controller."""
 
     mode: Annotated[
         Literal["lockstep", "real_time", "vehicle"],

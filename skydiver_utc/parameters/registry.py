@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can stand in each slot of a scenario: one line a kind.
+"""The kinds of each slot of a scenario: one line a kind.
 
 A kind is made by a class, as `Class(settings, ...)`. A class of the user's own is named as `module:Class`; its
 settings are the nested class `Class.Settings`. The module is looked for on the Python path, in the folder of the
@@ -101,7 +101,7 @@ def search_modules_in(folder: Path) -> None:
 
 
 def _load(place: str) -> Any:
-    """What stands at `module:Name.Nested`."""
+    """The object at `module:Name.Nested`."""
     module, _, name = place.partition(":")
     found = importlib.import_module(module)
     for part in name.split("."):

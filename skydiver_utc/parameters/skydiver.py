@@ -73,7 +73,7 @@ class Limits(Parameters):
 
 
 class Limbs(Parameters):
-    """How the limbs follow the commanded pattern angle, and whether their motion turns the body."""
+    """The limbs' dynamics behind the commanded pattern angle, and whether their motion turns the body."""
 
     reaction: Annotated[bool, text("whether moving limbs turn the body (their angular momentum is kept)")]
     alpha_acceleration: Annotated[

@@ -18,7 +18,7 @@ _FORM = "plant must be a function (state, control, dt) -> state, or (state, cont
 
 
 def function(*_: Any) -> Any:
-    """What the templates below call: each plant puts its own function here."""
+    """The function that the templates below call: each plant puts its own here."""
 
 
 def step(state: Array, control: Array, parameters: Any, out: Array) -> None:
@@ -149,7 +149,7 @@ def _in_form(template: Any, given: Any, plant: Any, name: str) -> Any:
 
 
 def _tried(name: str, tried: Any, controls: int, *example: Any) -> Array:
-    """What a function returns on an example, as an array of numbers."""
+    """The value of a function on an example, as an array of numbers."""
     try:
         returned = tried(*example)
         if returned is None and len(example) < 4:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every plant offers to the closed loop, and what a controller predicts with."""
+"""The interface of a plant to the closed loop, and the model with which a controller predicts."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -133,11 +133,11 @@ class Plant(ABC):
         return Reduced(found.x, lambda state: state, lambda z: z)
 
     def initial_applied(self) -> Array:
-        """What the actuators hold before step 0 (a,); its first m entries are the control."""
+        """The actuators' state (a,) before step 0; its first m entries are the control."""
         return self.initial_control()
 
     def actuate(self, command: Array, applied: Array) -> Array:
-        """What the actuators make of a command (m,) from where they were (a,): bounds, then rates."""
+        """The actuators' next state (a,) under a command (m,): bounds, then rates."""
         change = self.rate * self.dt_s
         bounded = np.minimum(np.maximum(command, self.minimum), self.maximum)
         limited: Array = np.minimum(np.maximum(bounded, applied - change), applied + change)

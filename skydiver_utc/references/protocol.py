@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every reference offers to the closed loop."""
+"""The interface of a reference to the closed loop."""
 
 from typing import Protocol
 
@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 
 class Reference(Protocol):
-    """What the plant's outputs are to be at each step; made as `Class(settings, dt_s)`.
+    """The wanted outputs of the plant at each step; made as `Class(settings, dt_s)`.
 
     outputs: names of the plant's outputs that the reference is for (l of them), or of its controls for open loop
     amplitude: largest absolute value of each (l,), 0 where there is none; a run has converged inside 5 % of it

@@ -38,7 +38,7 @@ class Case(NamedTuple):
 
     @property
     def command(self) -> str:
-        """What follows ``skydiver-utc simulate``."""
+        """The arguments of ``skydiver-utc simulate``."""
         return " ".join([self.scenario, *(f"--set {name}={_plain(value)}" for name, value in self.settings)])
 
     def load(self, duration_s: float | None = None) -> Scenario:
@@ -64,7 +64,7 @@ def amplitude_deg_s(scenario: Scenario) -> float:
 
 
 class Measures(Parameters):
-    """What is kept of a run: its metrics but for the clocks, the same on every run of one machine.
+    """The metrics of a run without its clocks, the same on every run of one machine.
 
     hands_correlation: of k_right and k_left as applied; -1 where they alternate, 1 where they press together.
     largest_speed_m_s: airspeed, from 2 s on.

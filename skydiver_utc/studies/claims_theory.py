@@ -23,7 +23,7 @@ _DRAWS, _SEED, _ROUNDING = 100, 1, 1e-12
 
 
 def mean_square(_results: PaperResults) -> Claim:
-    """What the update is."""
+    """Claims on the update."""
     generator = np.random.default_rng(_SEED)
     largest = max(_update_mismatch(generator) for _ in range(_DRAWS))
     return decided(

@@ -20,7 +20,7 @@ _SWEPT = ("alpha unknown", "alpha modelled")  # flown.SWEPT in words
 
 
 def p_err(results: PaperResults) -> Claim:
-    """What P_err trades."""
+    """Claims on P_err."""
     found = [[results.of(one) for one in flown.P_ERR.cases(name)] for name in flown.SWEPT]
     accuracy = [_never_falls([one.rmse for one in row]) for row in found]
     thrift = [_never_falls([-one.effort for one in row]) and row[-1].effort < row[0].effort for row in found]
@@ -72,7 +72,7 @@ def _chosen_by_tuning(
 
 
 def different_solutions(results: PaperResults) -> Claim:
-    """What the coupling changes."""
+    """Claims on the coupling."""
     first, second = _hands(results)
     return decided(
         "Qu gives qualitatively different solutions: the hands behave otherwise when coupled by the yaw rate (eq_q1,"
@@ -128,7 +128,7 @@ def accurate_without(results: PaperResults) -> Claim:
 
 
 def least_effort(results: PaperResults) -> Claim:
-    """What utc_m1_c3 is for."""
+    """Claims on utc_m1_c3."""
     q3 = results.of(flown.M1_C3)
     others = [
         results.of(one) for one in (flown.M0_C2, flown.M1_C2, flown.M0_C3, flown.M0_NONE, flown.M1_NONE)

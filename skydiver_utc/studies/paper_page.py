@@ -67,7 +67,7 @@ def _pictures() -> str:
 
 
 def details(results: PaperResults) -> str:
-    """What the page of claims rests on."""
+    """The basis of the page of claims."""
     rules = [(claim.words, claim.rule) for claim in checklist(results)]
     matrices = (
         f"## {title}\n\n{words} RMSE of the paper's three configurations of UTC;"
@@ -153,7 +153,7 @@ def _variants(results: PaperResults) -> str:
 
 
 def counted(counts: Counter[Verdict]) -> str:
-    """How many claims have each verdict, in words."""
+    """The number of claims with each verdict, in words."""
     plural = {Verdict.HOLDS: "hold", Verdict.PARTLY: "hold partly", Verdict.FAILS: "do not hold"}
     single = {Verdict.HOLDS: "holds", Verdict.PARTLY: "holds partly", Verdict.FAILS: "does not hold"}
     found = [(counts[verdict], verdict) for verdict in Verdict if counts[verdict]]

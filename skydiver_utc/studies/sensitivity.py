@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much the paper's results hang on the plant's calibration: the same flights with its numbers up to 10 % off."""
+"""Sensitivity of the paper's results to the plant's calibration: the same flights with its numbers up to 10 % off."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -118,7 +118,7 @@ def write_sensitivity(folder: Path, found: Sequence[Calibration]) -> None:
 
 
 def read_sensitivity(folder: Path) -> tuple[Calibration, ...]:
-    """What `write_sensitivity` left in a folder, nothing without it."""
+    """The results that `write_sensitivity` wrote into a folder, empty without it."""
     path = folder / _FILE
     return TypeAdapter(tuple[Calibration, ...]).validate_json(path.read_bytes()) if path.is_file() else ()
 

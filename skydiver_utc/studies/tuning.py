@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much the tuning matters: runs with random covariances around the scenario's own."""
+"""Sensitivity to the tuning: runs with random covariances around the scenario's own."""
 
 import csv
 import io

@@ -25,7 +25,7 @@ def head(summaries: Sequence[TuningSummary]) -> list[str]:
 
 
 def count_rows(summaries: Sequence[TuningSummary]) -> list[list[str]]:
-    """How many tunings did what."""
+    """Shares of the tunings by outcome."""
     return [[label, *(text(one) for one in summaries)] for label, text in _COUNTS.items()]
 
 

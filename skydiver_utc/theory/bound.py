@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a bounded nonlinearity can push the closed loop z+ = Z z + d, |d| <= D (after arXiv 2504.08579).
+"""The bound of the closed loop under a bounded nonlinearity z+ = Z z + d, |d| <= D (after arXiv 2504.08579).
 
 With P = I + Z'P Z (discrete Lyapunov equation), V = z'P z falls wherever
 

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class Stability(NamedTuple):
-    """What is known of the loop at its steady gain.
+    """Properties of the loop at its steady gain.
 
     Z (n+m, n+m), across (n+m, p) of `apart_from_rest`; eigenvalues (p,) of the distance from rest, the slowest
     first; slowest (n+m,), the real part of its eigenvector; decay per step, stable below 1; the Riccati terms for

@@ -47,7 +47,7 @@ def linearise(body: HeldBody, fall: SteadyFall) -> Array:
 
 
 def control_effect(model: PlantModel, control: Array, fall: SteadyFall) -> Array:
-    """What the controls do to the deviations: (8, 4), in the order of `STATES`; central differences."""
+    """Input matrix of the deviations (8, 4), in the order of `STATES`; central differences."""
     speeds = velocity_axes(fall)
 
     def derivative(changed: Array) -> Array:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the equations of motion need, laid out for the kernels."""
+"""Numbers of the equations of motion, laid out for the kernels."""
 
 from typing import NamedTuple
 

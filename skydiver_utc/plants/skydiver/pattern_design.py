@@ -121,7 +121,7 @@ def _basis(kind: PatternKind) -> Array:
 
 
 class _Numbers(NamedTuple):
-    """What the cost of a pattern depends on: a kind of pattern and a body in its straight fall.
+    """Numbers of the cost of a pattern: a kind of pattern and a body in its straight fall.
 
     judged pattern angles [rad] with the weight of the wanted acceleration at each; falling (13,) the state, neutral
     (15, 3) [rad] the posture; pack, derivative: addresses of `pack_geometry` and `state_derivative`

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a small part of a movement pattern does to a falling body, whatever else that body does."""
+"""The effect of a small part of a movement pattern on a falling body, whatever else the body does."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -16,7 +16,7 @@ _SHARES = np.array([1 / 3, 2 / 3, 1.0])
 
 
 def pattern_report(scenario: Scenario) -> dict[str, Any]:
-    """What the scenario's pattern does in its posture, which must fall straight; plain data."""
+    """The effect of the scenario's pattern in its posture, which must fall straight; plain data."""
     given, model = scenario.plant, build_model(scenario.plant, scenario.dt_s)
     fall = straight_falls(model)[0]
     damping = given.initial.Cm_damp_yaw

@@ -87,11 +87,11 @@ class SkydiverPlant(Plant):
         return Reduced(belly_to_earth(self.constants), reduced, expanded)
 
     def initial_applied(self) -> Array:
-        """What the actuators hold before step 0 (5,): the control, and the rate of alpha [rad/s]."""
+        """The actuators' state (5,) before step 0: the control, and the rate of alpha [rad/s]."""
         return np.append(self.initial_control(), 0.0)
 
     def actuate(self, command: Array, before: Array) -> Array:
-        """What the actuators make of a command (4,) from where they were (5,): bounds, then rates (eq:lim)."""
+        """The actuators' next state (5,) under a command (4,): bounds, then rates (eq:lim)."""
         wanted = np.minimum(np.maximum(command, self.minimum), self.maximum).tolist()
         alpha, rate = before[3:5].tolist()
         if self.constants.limb_reaction:

@@ -120,12 +120,12 @@ class SteadyFall:
 
     @property
     def pitch(self) -> float:
-        """How far the long axis points below the horizon [rad]: positive with the head low."""
+        """Angle of the long axis below the horizon [rad]: positive with the head low."""
         return float(np.arcsin(np.clip(-self.up[0], -1.0, 1.0)))
 
     @property
     def bank(self) -> float:
-        """How far the body's left side points above the horizon [rad]."""
+        """Angle of the body's left side above the horizon [rad]."""
         return float(np.arcsin(np.clip(self.up[1], -1.0, 1.0)))
 
     @property

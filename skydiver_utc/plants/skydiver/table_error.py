@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far the plant's table over the pattern angle is from the postures between its nodes."""
+"""The error of the plant's table over the pattern angle between its nodes."""
 
 from typing import NamedTuple
 

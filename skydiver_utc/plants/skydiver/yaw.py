@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the turning pattern does to a straight fall: yaw acceleration at once, steady yaw rate in the end."""
+"""The effect of the turning pattern on a straight fall: yaw acceleration at once, steady yaw rate in the end."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well a skydiver meets the targets, stage by stage: trim, design, statics, each flight.
+"""The fit of a skydiver to the targets, stage by stage: trim, design, statics, each flight.
 
 A stage is not begun where an earlier one misses all its targets by far, so that most of the time goes to skydivers that
 nearly fit.
@@ -83,7 +83,7 @@ def evaluate(calibration: Calibration, start: Scenario, numbers: Mapping[str, fl
 
 
 def _stages(calibration: Calibration, candidate: Scenario) -> Iterator[list[_Judged]]:
-    """What is found of the targets of one stage after the other."""
+    """The measures of one stage after the other."""
     yield [_judged(_static(target, candidate), target, 1.0) for target in calibration.statics]
     skydiver = skydiver_of(candidate)
     measured: dict[str, dict[str, float | None]] = {}
@@ -125,7 +125,7 @@ def _judged(value: float | None, bar: Bar, factor: float | None) -> _Judged:
 
 
 def _distance(value: float, bar: float) -> float:
-    """How far a value lies above a bar: the logarithm of value / bar; the largest cost where one is not of the sign."""
+    """Distance of a value above a bar: the logarithm of value / bar; the largest cost where the signs differ."""
     if value * bar > 0.0:
         return math.copysign(1.0, bar) * math.log(value / bar)
     return math.copysign(_LARGEST_COST, value - bar) if value != bar else 0.0

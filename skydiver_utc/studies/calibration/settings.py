@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is calibrated against what: numbers of the skydiver between bounds, targets for measures, the flights."""
+"""Settings of a calibration: numbers of the skydiver between bounds, targets for measures, the flights."""
 
 import difflib
 from typing import Annotated, Any, Literal
