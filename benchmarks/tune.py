@@ -84,7 +84,7 @@ class Subject(NamedTuple):
 
 
 _COSTS: Values = {
-    "rest.Cm_damp_yaw": 0.5,
+    "nominal.Cm_damp_yaw": 0.5,
     "cost.Cm_damp_yaw": 0.1,
     "cost.hands": 0.1,
     "cost.alpha": 0.01,
@@ -110,7 +110,7 @@ _OF_BEYOND = (
     "nominal.hands.variance",
 )
 # These must lie inside the limits of the control, and UTC's horizon inside its own.
-_DAMPINGS = ("rest.Cm_damp_yaw", "nominal.Cm_damp_yaw.value")
+_DAMPINGS = ("nominal.Cm_damp_yaw", "nominal.Cm_damp_yaw.value")
 _HORIZON = (1.0, 500.0)
 _HELD = Subject("fast_turn_gauss_newton_held", _COSTS | {"step_periods": 1})
 _FIVE = Subject("fast_turn_gauss_newton", _COSTS | {"step_periods": 1})

@@ -105,7 +105,7 @@ def effort(U: ca.MX, applied: ca.MX, costs: ca.MX) -> ca.MX:
 
 def costs_of(cost: HorizonCost) -> Array:
     """Costs on controls, costs on changes, rest, in a row (12,)."""
-    return np.concatenate([cost.control, cost.change, cost.rest])
+    return np.concatenate([cost.control, cost.change, cost.nominal])
 
 
 def _fingerprint(model: PlantModel) -> str:

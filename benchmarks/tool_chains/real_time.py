@@ -77,5 +77,5 @@ def _effort(program: Program) -> tuple[Array, Array, Array]:
     control, change = (np.tile(c * width**2 / blocks, blocks) for c in (cost.control, cost.change))
     differences = np.eye(4 * blocks) - np.eye(4 * blocks, k=-4)
     curvature = np.diag(control) + differences.T @ np.diag(change) @ differences
-    rest = np.tile((cost.rest - program.minimum) / width, blocks)
-    return curvature, control * rest, change[:4]
+    nominal = np.tile((cost.nominal - program.minimum) / width, blocks)
+    return curvature, control * nominal, change[:4]

@@ -129,7 +129,7 @@ class GaussNewtonController:
         with np.errstate(over="ignore", invalid="ignore"):  # of a model that diverges
             H, g = J @ J.T / steps, J @ error / steps
         control, change = self._cost.control / blocks, self._cost.change / blocks
-        g -= np.tile(control * self._cost.rest, blocks)
+        g -= np.tile(control * self._cost.nominal, blocks)
         g[:m] -= change * self._applied
         diagonal = np.tile(control + 2.0 * change, blocks)
         diagonal[-m:] -= change

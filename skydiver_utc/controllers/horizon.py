@@ -28,18 +28,18 @@ _COST, _CHANGE_COST = 0.1, 1.0
 
 
 class HorizonCost(NamedTuple):
-    """w (m,) on the distance from rest (m,), s (m,) on changes from block to block."""
+    """w (m,) on the distance from nominal (m,), s (m,) on changes from block to block."""
 
     control: Array
     change: Array
-    rest: Array
+    nominal: Array
 
     def of(self, sequences: Array, applied: Array, outputs: Array, reference: Array) -> Array:
         """J (S,) of sequences (S, B, m) with their outputs (S, N l); NaN where an output is."""
         steps, blocks = reference.shape[0], sequences.shape[1]
         changes = np.diff(sequences, axis=1, prepend=np.broadcast_to(applied, sequences[:, :1].shape))
         tracking = np.sum((outputs - reference.ravel()) ** 2, axis=1)
-        effort = np.sum((sequences - self.rest) ** 2 @ self.control + changes**2 @ self.change, axis=1)
+        effort = np.sum((sequences - self.nominal) ** 2 @ self.control + changes**2 @ self.change, axis=1)
         total: Array = tracking / steps + effort / blocks
         return total
 
@@ -50,7 +50,7 @@ def cost_of(settings: CostSettings, plant: Plant) -> HorizonCost:
     return HorizonCost(
         control=by_name("cost", settings.cost, plant, _COST) / squared_range,
         change=by_name("change_cost", settings.change_cost, plant, _CHANGE_COST) / squared_range,
-        rest=by_name("rest", settings.rest, plant, plant.initial_control()),
+        nominal=by_name("nominal", settings.nominal, plant, plant.initial_control()),
     )
 
 

@@ -106,9 +106,9 @@ class LinearQuadraticController(LimitedController):
         self, settings: LqrSettings, plant: Plant, outputs: tuple[str, ...], dt_s: float, seed: int = 0
     ) -> None:
         cost = cost_of(settings, plant)
-        self._rest = cost.rest
-        self._about = plant.reduced(cost.rest)
-        self._plant = linearised(plant, self._about, cost.rest, outputs)
+        self._nominal = cost.nominal
+        self._about = plant.reduced(cost.nominal)
+        self._plant = linearised(plant, self._about, cost.nominal, outputs)
         self._gains = design(self._plant, cost.control, cost.change, settings.horizon_steps)
         self.preview_steps = settings.preview_steps(dt_s)
         super().__init__(plant)
@@ -116,7 +116,7 @@ class LinearQuadraticController(LimitedController):
     def decide(self, state: Array, preview: Array) -> Decision:
         """u_k = u_k-1 - K xi + F r, then the limits."""
         z = self._about.reduce(state) - self._about.state
-        xi = np.concatenate([z, self._previous - self._rest])
+        xi = np.concatenate([z, self._previous - self._nominal])
         reference = preview - self._plant.outputs
         ahead = np.einsum("jcl,jl->c", self._gains.preview, reference[1:])
         wanted = self._previous - self._gains.feedback @ xi + ahead

@@ -42,10 +42,12 @@ class PoseSettings(SlotSettings):
 class CostSettings(SlotSettings):
     """The one cost of all three rivals: squared error of the outputs plus these (`controllers/horizon.py`)."""
 
-    rest: Annotated[
+    nominal: Annotated[
         dict[str, Number], text("value at which a control costs nothing; not named: its initial value")
     ] = {}
-    cost: Annotated[dict[str, Cost], text("of a distance of the whole range from rest; not named: 0.1")] = {}
+    cost: Annotated[
+        dict[str, Cost], text("of a distance of the whole range from nominal; not named: 0.1")
+    ] = {}
     change_cost: Annotated[dict[str, Cost], text("of a change of the whole range; not named: 1")] = {}
 
 

@@ -66,7 +66,7 @@ def controller_of(minimum, maximum, rate, plant=linear):
         control_names=NAMES,
     )  # fmt: skip
     squared_range = (own.maximum - own.minimum) ** 2
-    tables = {"rest": REST, "cost": COST * squared_range, "change_cost": CHANGE_COST * squared_range}
+    tables = {"nominal": REST, "cost": COST * squared_range, "change_cost": CHANGE_COST * squared_range}
     named = {name: dict(zip(NAMES, values.tolist(), strict=True)) for name, values in tables.items()}
     return GaussNewtonController(
         GaussNewtonSettings(horizon_steps=STEPS, blocks=BLOCKS, **named), own, ("y0",), 1.0

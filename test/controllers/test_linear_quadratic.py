@@ -30,7 +30,7 @@ def controller_of(control, minimum, maximum, preview_steps):
         state=STATE, control=control, dt=1.0, minimum=minimum, maximum=maximum,
     )  # fmt: skip
     squared_range = (plant.maximum - plant.minimum) ** 2
-    tables = {"rest": CONTROL, "cost": W * squared_range, "change_cost": S * squared_range}
+    tables = {"nominal": CONTROL, "cost": W * squared_range, "change_cost": S * squared_range}
     named = {name: dict(zip(("u0", "u1"), values.tolist(), strict=True)) for name, values in tables.items()}
     return LinearQuadraticController(LqrSettings(horizon_steps=preview_steps, **named), plant, ("y0",), 1.0)
 

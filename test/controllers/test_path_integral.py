@@ -38,7 +38,7 @@ def controller_of(samples, seed, limits=FREE, plant=gain, deviation=DEVIATION):
     )
     span = own.maximum - own.minimum
     tables = {
-        "rest": REST, "cost": COST * span**2, "change_cost": np.full(2, 1e-12), "deviation": deviation / span
+        "nominal": REST, "cost": COST * span**2, "change_cost": np.full(2, 1e-12), "deviation": deviation / span
     }  # fmt: skip
     named = {name: dict(zip(("u0", "u1"), values.tolist(), strict=True)) for name, values in tables.items()}
     law = MppiSettings(horizon_steps=1, blocks=1, samples=samples, temperature=TEMPERATURE, **named)

@@ -206,7 +206,7 @@ def test_horizon_and_blocks_must_fit():
         scenario_of({"kind": "mppi", "horizon_steps": 20, "blocks": 3})
 
 
-@pytest.mark.parametrize("table", ["rest", "cost", "change_cost"])
+@pytest.mark.parametrize("table", ["nominal", "cost", "change_cost"])
 def test_a_table_names_controls_of_the_plant_only(table):
     with pytest.raises(ValueError, match=rf"{table}\.elevator"):
         parts_of(scenario_of({"kind": "lqr", table: {"elevator": 1.0}}))
