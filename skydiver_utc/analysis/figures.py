@@ -31,7 +31,8 @@ from skydiver_utc.analysis.style import (
 from skydiver_utc.analysis.units import shown
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
-from skydiver_utc.references.profiles import Constant, Rotation, Sine
+from skydiver_utc.references.profiles import Rotation
+from skydiver_utc.references.tables import Points
 
 CONTROL_COLOURS = (GREEN, VERMILLION, PURPLE, BLUE)
 Floats = NDArray[np.float64]
@@ -77,7 +78,7 @@ def _panels(run: Run) -> list[Panel]:
             found.append((1.2 if several else 1.6, partial(_draw_error, run=run, j=j)))
     else:
         found += [(1.6, partial(_draw_output, run=run, name=name)) for name in run.plant.output_names]
-    if is_skydiver(run.plant) and not isinstance(run.scenario.reference, Sine.Settings | Constant.Settings):
+    if is_skydiver(run.plant) and isinstance(run.scenario.reference, Rotation | Points):
         found.append((1.6, partial(_draw_angle, run=run)))
     return found
 
@@ -157,7 +158,7 @@ def _draw_error(axes: Axes, run: Run, j: int) -> None:
 def _draw_angle(axes: Axes, run: Run) -> None:
     """The angle turned, with the wanted one and how far the end is from it."""
     reference, turned = run.scenario.reference, angle_turned_deg(run)
-    if isinstance(reference, Rotation.Settings) and run.first_step == 0:
+    if isinstance(reference, Rotation) and run.first_step == 0:
         wanted = reference.angle_deg
         axes.axhline(wanted, color=ORANGE, linewidth=4.5, alpha=0.75)
         axes.text(

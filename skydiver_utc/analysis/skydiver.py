@@ -84,7 +84,7 @@ def _of_rotation(run: Run) -> dict[str, float | None]:
     reference = run.scenario.reference
     values: dict[str, float | None]
     values = dict.fromkeys(("rmse_rotating_deg_s", "angle_error_deg", "overshoot_deg"))
-    if run.error is None or not isinstance(reference, Rotation.Settings):
+    if run.error is None or not isinstance(reference, Rotation):
         return values
     error = np.rad2deg(run.error[:, 0])
     start = first_step_from(reference.start_s, run.scenario) - run.first_step

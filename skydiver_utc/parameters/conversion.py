@@ -43,10 +43,10 @@ def convert(content: Mapping[str, Any], origin: str) -> Scenario:
     errors: list[str] = []
     for name in SLOTS:
         if name in blocks:
-            blocks[name] = _settings(name, name, blocks[name], errors)
+            blocks[name] = slot_settings(name, name, blocks[name], errors)
     if isinstance(blocks["disturbances"], list | tuple):
         found = [
-            _settings("disturbance", f"disturbances[{i}]", block, errors)
+            slot_settings("disturbance", f"disturbances[{i}]", block, errors)
             for i, block in enumerate(blocks["disturbances"])
         ]
         blocks["disturbances"] = tuple(block for block in found if block is not None)
@@ -73,8 +73,8 @@ def checked(model: type[_Settings], content: Mapping[str, Any]) -> _Settings:
         raise ParameterError("; ".join(field_errors(error, content, model)[:_MOST_SHOWN])) from error
 
 
-def _settings(slot: str, name: str, block: Any, errors: list[str]) -> Any:
-    """The settings of one slot's block; None where it is wrong, with the reasons added to `errors`."""
+def slot_settings(slot: str, name: str, block: Any, errors: list[str]) -> Any:
+    """The settings of a block of a slot; None where it is wrong, with the reasons added to `errors`."""
     if not isinstance(block, Mapping):
         errors.append(f"parameter {name} must be a block of named values, found {block!r}")
         return None

@@ -108,7 +108,7 @@ def _read_extended(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     """The file's content laid over that of the file that it extends."""
     if path in seen:
         raise ParameterError(f"{path} extends itself: take one 'extends' out")
-    content = read_yaml(path)
+    content = _with_table(read_yaml(path), path.parent)
     parent = content.pop("extends", None)
     if parent is None:
         return content
@@ -116,6 +116,28 @@ def _read_extended(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     if not parent_path.is_file():
         raise ParameterError(f"{path} extends {parent!r}, which does not exist beside it")
     return _merge(_read_extended(parent_path, (*seen, path)), content)
+
+
+def _with_table(content: dict[str, Any], beside: Path = Path()) -> dict[str, Any]:
+    """The content with the CSV file that its reference names read in; the path counts from the folder `beside`."""
+    return (
+        {**content, "reference": _read_table(content["reference"], beside)}
+        if "reference" in content
+        else content
+    )
+
+
+def _read_table(block: Any, beside: Path) -> Any:
+    if isinstance(block, dict) and isinstance(block.get("parts"), list):
+        block = {**block, "parts": [_read_table(part, beside) for part in block["parts"]]}
+    if not (isinstance(block, dict) and block.get("kind", "csv") == "csv" and "file" in block):
+        return block
+    path = beside / str(block["file"])
+    try:
+        table = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ParameterError(f"parameter reference.file: {path} cannot be read: {error}") from error
+    return {name: value for name, value in block.items() if name != "file"} | {"table": table}
 
 
 def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
@@ -179,7 +201,7 @@ def _overridden(content: dict[str, Any], overrides: Mapping[str, object], origin
     for name, value in overrides.items():
         _override(resolved, name, value)
         # Now, so that the next override can change a field of the file, or of the kind, that this one names.
-        resolved = _resolve_plant(resolved)
+        resolved = _with_table(_resolve_plant(resolved))
         if name.removesuffix(".kind") in _SLOTS_WITH_DEFAULTS:
             resolved = _over_defaults(resolved)
     return convert(resolved, origin)

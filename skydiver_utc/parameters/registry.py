@@ -24,11 +24,28 @@ class Kind(NamedTuple):
     factory: str
 
 
-_PROFILES = "skydiver_utc.references.profiles"
+_REFERENCES = "skydiver_utc.references"
 _SETTINGS, _PLANTS = "skydiver_utc.parameters", "skydiver_utc.plants"
 _ESTIMATORS = "skydiver_utc.estimators.true_state"
 _CONTROLLERS = "skydiver_utc.controllers"
 _RIVALS = f"{_CONTROLLERS}.settings"
+
+# References that are functions of time: the settings hold the formula.
+_CURVE = f"{_REFERENCES}.curve:CurveReference"
+_CURVES = {
+    "step": "profiles:Step",
+    "ramp": "profiles:Ramp",
+    "trapezoid": "profiles:Trapezoid",
+    "doublet": "profiles:Doublet",
+    "sine": "profiles:Sine",
+    "multi_sine": "profiles:MultiSine",
+    "chirp": "profiles:Chirp",
+    "random": "profiles:Random",
+    "rotation": "profiles:Rotation",
+    "constant": "tables:Constant",
+    "points": "tables:Points",
+    "csv": "tables:Csv",
+}
 
 KINDS: Mapping[str, Mapping[str, Kind]] = {
     "plant": {
@@ -38,11 +55,9 @@ KINDS: Mapping[str, Mapping[str, Kind]] = {
         "linear": Kind(f"{_PLANTS}.linear:LinearPlant.Settings", f"{_PLANTS}.linear:LinearPlant"),
     },
     "reference": {
-        "sine": Kind(f"{_PROFILES}:Sine.Settings", f"{_PROFILES}:Sine"),
-        "constant": Kind(f"{_PROFILES}:Constant.Settings", f"{_PROFILES}:Constant"),
-        "rotation": Kind(f"{_PROFILES}:Rotation.Settings", f"{_PROFILES}:Rotation"),
-        "points": Kind(f"{_PROFILES}:Points.Settings", f"{_PROFILES}:Points"),
-        "live": Kind("skydiver_utc.references.live:Live.Settings", "skydiver_utc.references.live:Live"),
+        **{kind: Kind(f"{_REFERENCES}.{place}", _CURVE) for kind, place in _CURVES.items()},
+        "combined": Kind(f"{_REFERENCES}.combined:Combined.Settings", f"{_REFERENCES}.combined:Combined"),
+        "live": Kind(f"{_REFERENCES}.live:Live.Settings", f"{_REFERENCES}.live:Live"),
     },
     "controller": {
         "open_loop": Kind(f"{_RIVALS}:OpenLoopSettings", f"{_CONTROLLERS}.open_loop:OpenLoop"),

@@ -1,159 +1,295 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reference profiles for one output each: settings and formula together.
 
-An amplitude is given in the unit of the output, or in degrees (per second) under the name with `_deg`.
+An amplitude is given in the unit of the output, or in degrees per second under the name with `_deg_s`. Before `start_s`
+every profile is 0.
 """
 
 import math
-from abc import ABC, abstractmethod
-from itertools import pairwise
-from typing import Annotated, Literal
+from abc import abstractmethod
+from collections.abc import Callable
+from functools import partial
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import model_validator
+from pydantic import Field, model_validator
 from typing_extensions import Self
 
-from skydiver_utc.parameters.fields import SlotSettings, quantity, text
+from skydiver_utc.parameters.fields import quantity, text
+from skydiver_utc.references.curve import Array, Curve, CurveSettings
 
-Array = NDArray[np.float64]
+# Times are whole nanoseconds; products such as k * dt_s miss them by rounding.
+_DIGITS = 9
+_MOST_SINES = 1000
+# The largest value of a random profile is found to pi^2 / (2 n^2) = 3e-4 of it.
+_POINTS_OF_A_PERIOD = 128
 
 Seconds = Annotated[float, quantity("s", "simulated time", ge=0, le=36000)]
+Frequency = Annotated[float, quantity("Hz", "frequency", gt=0, le=1000)]
+Phase = Annotated[float, quantity("deg", "phase at the start", ge=-360, le=360)]
+Rise = Annotated[float, quantity("s", "time of each change by the amplitude; 0 is a jump", ge=0, le=36000)]
+Hold = Annotated[float, quantity("s", "time at the amplitude", gt=0, le=36000)]
 Output = Annotated[str, text("name of the tracked output of the plant")]
-# Fewer steps would not show a rotation's rise and fall.
-_SHORTEST_ROTATION = 10
+# Amplitude, angular frequency [rad/s] and phase [rad] of a sine.
+Component = tuple[float, float, float]
 
 
-class Profile(ABC):
-    """A reference for one output, as a function of the step."""
+class Shape(NamedTuple):
+    """Value at a time since the start [s], largest absolute value, shortest period [s] (0 for none)."""
 
-    def __init__(self, output: str, amplitude: float, dt_s: float) -> None:
-        self.outputs: tuple[str, ...] = (output,)
-        self.amplitude: Array = np.array([amplitude])
-        self.dt_s = dt_s
+    value: Callable[[float], float]
+    largest: float
+    shortest_s: float = 0.0
+
+
+class Profile(CurveSettings):
+    """A curve of one output: a function of the time since the start."""
+
+    output: Output = "yaw_rate"
+    start_s: Seconds = 0.0
 
     @abstractmethod
-    def value(self, time_s: float) -> float:
-        """The value wanted at a time, in the unit of the output."""
+    def shape(self) -> Shape:
+        """The profile as a function of the time since the start."""
 
-    def preview(self, k: int, count: int) -> Array:
-        """Values (count, 1) at the steps k, k+1, ...; one by one, so that every preview has the same bits."""
-        return np.array([[self.value((k + i) * self.dt_s)] for i in range(count)]).reshape(count, 1)
-
-
-class Sine(Profile):
-    """amplitude sin(2 pi frequency t), eq:yr_com."""
-
-    class Settings(SlotSettings):
-        """A sine."""
-
-        kind: Literal["sine"] = "sine"
-        output: Output = "yaw_rate"
-        amplitude: Annotated[float, quantity("unit of the output", "amplitude", ge=-1e6, le=1e6)] = 0.0
-        amplitude_deg_s: Annotated[
-            float, quantity("deg/s", "amplitude of a rate, positive first to the left", ge=-2000, le=2000)
-        ] = 0.0
-        frequency_hz: Annotated[float, quantity("Hz", "frequency", gt=0, le=10)]
-
-        @model_validator(mode="after")
-        def _check(self) -> Self:
-            if self.amplitude and self.amplitude_deg_s:
-                raise ValueError("amplitude and amplitude_deg_s are both given: keep one")
-            return self
-
-    def __init__(self, settings: Settings, dt_s: float) -> None:
-        self._amplitude = settings.amplitude or math.radians(settings.amplitude_deg_s)
-        self._frequency_hz = settings.frequency_hz
-        super().__init__(settings.output, abs(self._amplitude), dt_s)
-
-    def value(self, time_s: float) -> float:
-        """The sine at a time."""
-        phase = 2.0 * math.pi * self._frequency_hz * time_s
-        return self._amplitude * math.sin(phase)
+    def curve(self) -> Curve:
+        """The profile from `start_s` on."""
+        shape = self.shape()
+        value = partial(_value_since, start_s=self.start_s, function=shape.value)
+        return Curve((self.output,), np.array([shape.largest]), value, shape.shortest_s)
 
 
-class Constant:
-    """Constant values of one or more outputs."""
+class Scaled(Profile):
+    """A profile with an amplitude."""
 
-    class Settings(SlotSettings):
-        """Constant values by output; a yaw rate of zero is a straight fall."""
+    amplitude: Annotated[float, quantity("unit of the output", "amplitude", ge=-1e6, le=1e6)] = 0.0
+    amplitude_deg_s: Annotated[
+        float, quantity("deg/s", "amplitude of a rate, positive first to the left", ge=-3600, le=3600)
+    ] = 0.0
 
-        kind: Literal["constant"] = "constant"
-        values: Annotated[
-            dict[str, float], quantity("unit of the output", "value of each output, in its unit")
-        ]
+    @model_validator(mode="after")
+    def _one_amplitude(self) -> Self:
+        if self.amplitude and self.amplitude_deg_s:
+            raise ValueError("amplitude and amplitude_deg_s are both given: keep one")
+        if not self.model_fields_set & {"amplitude", "amplitude_deg_s"}:
+            raise ValueError("amplitude is missing: write it, or amplitude_deg_s")
+        return self
 
-        @model_validator(mode="after")
-        def _check(self) -> Self:
-            if not self.values:
-                raise ValueError("values is empty: name at least one output")
-            return self
+    @property
+    def size(self) -> float:
+        """The amplitude in the unit of the output."""
+        return self.amplitude or math.radians(self.amplitude_deg_s)
 
-    def __init__(self, settings: Settings, dt_s: float) -> None:
-        self.outputs = tuple(settings.values)
-        self._values: Array = np.array(list(settings.values.values()))
-        self.amplitude: Array = np.abs(self._values)
 
-    def preview(self, k: int, count: int) -> Array:
-        """The values (count, l)."""
-        return np.tile(self._values, (count, 1))
+class Step(Scaled):
+    """The amplitude from the start on."""
+
+    kind: Literal["step"] = "step"
+
+    def shape(self) -> Shape:
+        """A line of one point."""
+        return _lines((0.0, self.size))
+
+
+class Ramp(Scaled):
+    """A straight line to the amplitude, and then the amplitude."""
+
+    kind: Literal["ramp"] = "ramp"
+    rise_s: Annotated[float, quantity("s", "time to the amplitude", gt=0, le=36000)]
+
+    def shape(self) -> Shape:
+        """A line of two points."""
+        return _lines((0.0, 0.0), (self.rise_s, self.size))
+
+
+class Trapezoid(Scaled):
+    """Up to the amplitude in `rise_s`, there for `hold_s`, and back to 0 in `rise_s`."""
+
+    kind: Literal["trapezoid"] = "trapezoid"
+    rise_s: Rise
+    hold_s: Hold
+
+    def shape(self) -> Shape:
+        """A line of four points."""
+        rise, down = self.rise_s, self.rise_s + self.hold_s
+        return _lines((0.0, 0.0), (rise, self.size), (down, self.size), (down + rise, 0.0))
+
+
+class Doublet(Scaled):
+    """A trapezoid of the amplitude, at once followed by one of the opposite amplitude; all slopes are equal."""
+
+    kind: Literal["doublet"] = "doublet"
+    rise_s: Rise = 0.0
+    hold_s: Hold
+
+    def shape(self) -> Shape:
+        """A line of six points."""
+        size, rise, down = self.size, self.rise_s, self.rise_s + self.hold_s
+        up = down + 2.0 * rise + self.hold_s
+        return _lines(
+            (0.0, 0.0), (rise, size), (down, size), (down + 2.0 * rise, -size), (up, -size), (up + rise, 0.0)
+        )
+
+
+class Sine(Scaled):
+    """amplitude sin(2 pi frequency t + phase), eq:yr_com."""
+
+    kind: Literal["sine"] = "sine"
+    frequency_hz: Frequency
+    phase_deg: Phase = 0.0
+
+    def shape(self) -> Shape:
+        """One sine."""
+        return _sines([_sine(self.size, self.frequency_hz, self.phase_deg)])
+
+
+class MultiSine(Scaled):
+    """The sum of sines of one amplitude."""
+
+    kind: Literal["multi_sine"] = "multi_sine"
+    frequencies_hz: Annotated[
+        tuple[Frequency, ...],
+        quantity("Hz", "frequency of each sine"),
+        Field(min_length=1, max_length=_MOST_SINES),
+    ]
+    phases_deg: Annotated[
+        tuple[Phase, ...], quantity("deg", "phase of each sine at the start; without them 0")
+    ] = ()
+
+    @model_validator(mode="after")
+    def _a_phase_each(self) -> Self:
+        if self.phases_deg and len(self.phases_deg) != len(self.frequencies_hz):
+            raise ValueError(
+                f"phases_deg has {len(self.phases_deg)} entries, frequencies_hz {len(self.frequencies_hz)}:"
+                " give one phase for each frequency"
+            )
+        return self
+
+    def shape(self) -> Shape:
+        """Sines of one amplitude."""
+        phases = self.phases_deg or (0.0,) * len(self.frequencies_hz)
+        return _sines([_sine(self.size, *pair) for pair in zip(self.frequencies_hz, phases, strict=True)])
+
+
+class Random(Scaled):
+    """Band-limited noise that starts from 0: sines of normally distributed amplitudes, scaled to the largest value.
+
+    Their frequencies are the multiples of 1 / period_s in the band.
+    After half a period the profile comes back reversed.
+    """
+
+    kind: Literal["random"] = "random"
+    from_hz: Annotated[float, quantity("Hz", "lowest frequency", ge=0, le=1000)] = 0.0
+    to_hz: Annotated[float, quantity("Hz", "highest frequency", gt=0, le=1000)]
+    period_s: Annotated[float, quantity("s", "the profile repeats after this time", gt=0, le=72000)] = 120.0
+    seed: Annotated[int, quantity("1", "seed of the amplitudes", ge=0, le=2**32 - 1)] = 0
+
+    @model_validator(mode="after")
+    def _has_sines(self) -> Self:
+        count = len(self._multiples())
+        if not 1 <= count <= _MOST_SINES:
+            raise ValueError(
+                f"{count} multiples of 1 / period_s lie between from_hz and to_hz: choose a band and a period_s with"
+                f" 1 to {_MOST_SINES}"
+            )
+        return self
+
+    def _multiples(self) -> range:
+        first = max(1, math.ceil(round(self.from_hz * self.period_s, _DIGITS)))
+        return range(first, math.floor(round(self.to_hz * self.period_s, _DIGITS)) + 1)
+
+    def shape(self) -> Shape:
+        """Sines of the seed."""
+        multiples = self._multiples()
+        amplitudes = np.random.default_rng(self.seed).normal(size=len(multiples))
+        points = _POINTS_OF_A_PERIOD * multiples[-1]
+        spectrum = np.zeros(points // 2 + 1, dtype=np.complex128)
+        spectrum[multiples.start : multiples.stop] = -0.5j * points * amplitudes
+        scale = self.size / float(np.abs(np.fft.irfft(spectrum, points)).max())
+        pairs = zip(amplitudes, multiples, strict=True)
+        sines = _sines([_sine(scale * a, i / self.period_s, 0.0) for a, i in pairs])
+        return sines._replace(largest=abs(self.size))
+
+
+class Chirp(Scaled):
+    """A sine whose frequency grows or falls linearly during `duration_s`, and then stays."""
+
+    kind: Literal["chirp"] = "chirp"
+    from_hz: Annotated[float, quantity("Hz", "frequency at the start", ge=0, le=1000)]
+    to_hz: Annotated[float, quantity("Hz", "frequency at the end of the sweep", ge=0, le=1000)]
+    duration_s: Annotated[float, quantity("s", "length of the sweep", gt=0, le=36000)]
+    phase_deg: Phase = 0.0
+
+    @model_validator(mode="after")
+    def _turns(self) -> Self:
+        if self.from_hz == self.to_hz == 0.0:
+            raise ValueError("from_hz and to_hz are both 0: give one a frequency")
+        return self
+
+    def shape(self) -> Shape:
+        """The sweep."""
+        sweep = (self.from_hz, self.to_hz, self.duration_s)
+        function = partial(_chirp, amplitude=self.size, phase=math.radians(self.phase_deg), sweep=sweep)
+        return Shape(function, abs(self.size), 1.0 / max(self.from_hz, self.to_hz))
 
 
 class Rotation(Profile):
-    """The rate of a rotation by an angle: angle / duration (1 - cos(2 pi (t - start) / duration))."""
+    """The rate of a rotation by an angle: angle / duration (1 - cos(2 pi t / duration))."""
 
-    class Settings(SlotSettings):
-        """A rotation by an angle."""
+    kind: Literal["rotation"] = "rotation"
+    angle_deg: Annotated[
+        float,
+        quantity("deg", "angle to turn through, positive to the left or head down", ge=-3600, le=3600),
+    ]
+    duration_s: Annotated[float, quantity("s", "length of the rotation", gt=0, le=600)]
 
-        kind: Literal["rotation"] = "rotation"
-        output: Annotated[str, text("name of the tracked rate")] = "yaw_rate"
-        angle_deg: Annotated[
-            float,
-            quantity("deg", "angle to turn through, positive to the left or head down", ge=-3600, le=3600),
-        ]
-        duration_s: Annotated[float, quantity("s", "length of the rotation", gt=0, le=600)]
-        start_s: Seconds = 0.0
-
-    def __init__(self, settings: Settings, dt_s: float) -> None:
-        if settings.duration_s < _SHORTEST_ROTATION * dt_s:
-            raise ValueError(
-                f"reference.duration_s is {settings.duration_s}: give at least {_SHORTEST_ROTATION} steps of dt_s"
-            )
-        self._mean = math.radians(settings.angle_deg) / settings.duration_s
-        self._start_s, self._duration_s = settings.start_s, settings.duration_s
-        super().__init__(settings.output, 2.0 * abs(self._mean), dt_s)
-
-    def value(self, time_s: float) -> float:
-        """The rate at a time."""
-        share = min(max((time_s - self._start_s) / self._duration_s, 0.0), 1.0)
-        return self._mean * (1.0 - math.cos(2.0 * math.pi * share))
+    def shape(self) -> Shape:
+        """One period of a raised cosine."""
+        mean = math.radians(self.angle_deg) / self.duration_s
+        function = partial(_rotation, mean=mean, duration_s=self.duration_s)
+        return Shape(function, 2.0 * abs(mean), self.duration_s)
 
 
-class Points(Profile):
-    """Straight lines between points (time, value); constant before the first and after the last."""
+def _value_since(time_s: float, start_s: float, function: Callable[[float], float]) -> Array:
+    since_s = time_s - start_s
+    return np.array([function(since_s) if round(since_s, _DIGITS) >= 0.0 else 0.0])
 
-    class Settings(SlotSettings):
-        """Points in time, for example the pattern angle of an open-loop maneuver."""
 
-        kind: Literal["points"] = "points"
-        output: Output
-        points: Annotated[tuple[tuple[Seconds, float], ...], text("time [s] and value of each point")]
+def _lines(*points: tuple[float, float]) -> Shape:
+    """Straight lines through points (time, value); of two at one time the later one counts from then on."""
+    times, values = zip(*points, strict=True)
+    function = partial(_on_lines, times=np.round(times, _DIGITS), values=np.array(values))
+    return Shape(function, max(map(abs, values)))
 
-        @model_validator(mode="after")
-        def _check(self) -> Self:
-            times = [time_s for time_s, _ in self.points]
-            if not times:
-                raise ValueError("points is empty: give at least one, [time, value]")
-            if any(after <= before for before, after in pairwise(times)):
-                raise ValueError(
-                    f"the points must be in the order of growing time, they are at {times}: sort them"
-                )
-            return self
 
-    def __init__(self, settings: Settings, dt_s: float) -> None:
-        self._times, self._values = zip(*settings.points, strict=True)
-        super().__init__(settings.output, max(map(abs, self._values)), dt_s)
+def _on_lines(since_s: float, times: Array, values: Array) -> float:
+    return float(np.interp(round(since_s, _DIGITS), times, values))
 
-    def value(self, time_s: float) -> float:
-        """The value on the line at a time."""
-        return float(np.interp(time_s, self._times, self._values))
+
+def _sine(amplitude: float, frequency_hz: float, phase_deg: float) -> Component:
+    """Amplitude, angular frequency [rad/s] and phase [rad]."""
+    return float(amplitude), 2.0 * math.pi * frequency_hz, math.radians(phase_deg)
+
+
+def _sines(sines: list[Component]) -> Shape:
+    largest = sum(abs(amplitude) for amplitude, _, _ in sines)
+    shortest_s = 2.0 * math.pi / max(rate for _, rate, _ in sines)
+    return Shape(partial(_sum_of_sines, sines=sines), largest, shortest_s)
+
+
+def _sum_of_sines(since_s: float, sines: list[Component]) -> float:
+    return sum(amplitude * math.sin(rate * since_s + phase) for amplitude, rate, phase in sines)
+
+
+def _chirp(since_s: float, amplitude: float, phase: float, sweep: tuple[float, float, float]) -> float:
+    """Sweep: first frequency [Hz], last frequency [Hz], duration [s]."""
+    from_hz, to_hz, duration_s = sweep
+    swept_s = min(since_s, duration_s)
+    mean_hz = from_hz + 0.5 * (to_hz - from_hz) * swept_s / duration_s
+    cycles = mean_hz * swept_s + to_hz * (since_s - swept_s)
+    return amplitude * math.sin(2.0 * math.pi * cycles + phase)
+
+
+def _rotation(since_s: float, mean: float, duration_s: float) -> float:
+    share = min(max(since_s / duration_s, 0.0), 1.0)
+    return mean * (1.0 - math.cos(2.0 * math.pi * share))

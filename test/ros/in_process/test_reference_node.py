@@ -18,8 +18,9 @@ from skydiver_utc.parameters import to_yaml
 
 pytest_plugins = ("ros_fixtures",)
 CHUNK = 20
+SINE = "{kind: sine, output: position, amplitude: 0.2, frequency_hz: 2.0}"
 LIVE = CART.replace(
-    "{kind: sine, output: position, amplitude: 0.2, frequency_hz: 2.0}",
+    SINE,
     "{kind: live, outputs: {position: linear.x}, initial: {position: 0.5}}",
 )
 
@@ -94,6 +95,17 @@ def test_each_step_has_its_setpoint_and_a_preview_that_covers_what_a_decision_ta
     assert stage.first_steps() == [0, 20, 40]
     for k0, values in stage.chunks():
         assert values.tobytes() == stage.wanted(k0, len(values)).tobytes()
+
+
+def test_a_sum_with_a_csv_file_beside_the_scenario(ros: Ros, tmp_path: Path) -> None:
+    (tmp_path / "table.csv").write_text("time_s,position\n0,1\n1,2\n", encoding="utf-8")
+    noise = "{kind: random, output: position, amplitude: 0.1, to_hz: 2}"
+    text = CART.replace(SINE, f"{{kind: combined, parts: [{{kind: csv, file: table.csv}}, {noise}]}}")
+    stage = Stage(ros, tmp_path, text)
+    stage.tick(20)
+    for k0, values in stage.chunks():
+        assert values.tobytes() == stage.wanted(k0, len(values)).tobytes()
+    assert stage.wanted(0, 1)[0, 0] == 1.0
 
 
 def test_one_that_comes_into_a_run_publishes_the_chunk_of_the_clock(stage: Stage) -> None:

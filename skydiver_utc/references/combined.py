@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Several references as one."""
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import SerializeAsAny, field_validator
+
+from skydiver_utc.parameters.conversion import slot_settings
+from skydiver_utc.parameters.fields import SlotSettings, text
+from skydiver_utc.parameters.registry import factory
+from skydiver_utc.references.protocol import Reference
+
+Array = NDArray[np.float64]
+
+
+class Combined:
+    """References of several outputs; those of the same output are added."""
+
+    class Settings(SlotSettings):
+        """The references, each a block as it would stand alone."""
+
+        kind: Literal["combined"] = "combined"
+        parts: Annotated[tuple[SerializeAsAny[SlotSettings], ...], text("the references, a block each")]
+
+        @field_validator("parts", mode="before")
+        @classmethod
+        def _settings_of_parts(cls, parts: Any) -> Any:
+            if not isinstance(parts, tuple) or not parts:
+                raise ValueError("give a list of at least one reference")
+            errors: list[str] = []
+            found = [
+                part if isinstance(part, SlotSettings) else slot_settings("reference", f"[{i}]", part, errors)
+                for i, part in enumerate(parts)
+            ]
+            if any(isinstance(part, SlotSettings) and part.kind == "live" for part in found):
+                errors.append("a live reference stands alone: take it out")
+            if errors:
+                raise ValueError("; ".join(errors))
+            return tuple(found)
+
+    def __init__(self, settings: Settings, dt_s: float) -> None:
+        self._parts: list[Reference] = [
+            factory("reference", part.kind)(part, dt_s) for part in settings.parts
+        ]
+        names = [name for part in self._parts for name in part.outputs]
+        self.outputs = tuple(dict.fromkeys(names))
+        self._columns = [[self.outputs.index(name) for name in part.outputs] for part in self._parts]
+        self.amplitude: Array = np.zeros(len(self.outputs))
+        for part, columns in zip(self._parts, self._columns, strict=True):
+            self.amplitude[columns] += part.amplitude
+
+    def preview(self, k: int, count: int) -> Array:
+        """The sums (count, l) at the steps k, k+1, ..."""
+        values = np.zeros((count, len(self.outputs)))
+        for part, columns in zip(self._parts, self._columns, strict=True):
+            values[:, columns] += part.preview(k, count)
+        return values

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A reference that is a function of time, as previews on the grid of steps."""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.parameters.fields import SlotSettings
+
+Array = NDArray[np.float64]
+# Fewer steps would not show a period's rise and fall.
+_STEPS_OF_A_PERIOD = 10
+_MOST_KEPT = 4096
+
+
+class Curve(NamedTuple):
+    """Values (l,) of the outputs at a time [s] of the run.
+
+    largest: largest absolute value of each output (l,); shortest_s: its shortest period or transition, 0 for none
+    """
+
+    outputs: tuple[str, ...]
+    largest: Array
+    value: Callable[[float], Array]
+    shortest_s: float = 0.0
+
+
+class CurveSettings(SlotSettings):
+    """Settings of a reference that is a function of time."""
+
+    @abstractmethod
+    def curve(self) -> Curve:
+        """The function of time. Raises ValueError."""
+
+
+class CurveReference:
+    """Previews of a curve; each step is computed by itself and once, so that every preview has the same bits."""
+
+    def __init__(self, settings: CurveSettings, dt_s: float) -> None:
+        curve = settings.curve()
+        if 0.0 < curve.shortest_s < _STEPS_OF_A_PERIOD * dt_s:
+            raise ValueError(
+                f"its shortest period is {curve.shortest_s:g} s: give it at least {_STEPS_OF_A_PERIOD} steps of"
+                f" dt_s ({dt_s:g} s)"
+            )
+        self.outputs, self.amplitude = curve.outputs, curve.largest
+        self._value, self._dt_s = curve.value, dt_s
+        self._kept: dict[int, Array] = {}
+
+    def preview(self, k: int, count: int) -> Array:
+        """Values (count, l) at the steps k, k+1, ..., in the unit of each output."""
+        return np.array([self._at(i) for i in range(k, k + count)]).reshape(count, len(self.outputs))
+
+    def _at(self, k: int) -> Array:
+        found = self._kept.get(k)
+        if found is None:
+            if len(self._kept) >= _MOST_KEPT:
+                self._kept.clear()
+            found = self._kept[k] = self._value(k * self._dt_s)
+        return found

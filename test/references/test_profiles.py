@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each profile against a formula of its own, from SciPy or NumPy; its bounds and its previews."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import chirp, find_peaks
+
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.registry import build_reference
+from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, override, to_yaml
+
+PENDULUM = Path(__file__).parents[2] / "examples" / "own_plant" / "pendulum.yaml"
+CART = """
+name: cart
+duration_s: 1.0
+dt_s: 0.01
+plant:
+  kind: linear
+  time: continuous
+  A: [[0.0, 1.0], [0.0, -0.1]]
+  B: [[0.0], [2.0]]
+  states: [place, speed]
+  controls: [force]
+  initial: [0.0, 0.0]
+  minimum: [-3.0]
+  maximum: [3.0]
+controller: {{kind: utc, horizon_steps: 10}}
+reference: {{output: place, {}}}
+"""
+STEPS = 1200
+TIME = 0.01 * np.arange(STEPS)
+LINES = {
+    "kind: step, amplitude: 2": ([0.0], [2.0]),
+    "kind: step, amplitude: -2, start_s: 0.07": ([0.07, 0.07], [0.0, -2.0]),
+    "kind: ramp, amplitude: 2, rise_s: 0.5, start_s: 1": ([1.0, 1.5], [0.0, 2.0]),
+    "kind: trapezoid, amplitude: 2, rise_s: 0.5, hold_s: 1, start_s: 1": ([1.0, 1.5, 2.5, 3.0], [0, 2, 2, 0]),
+    "kind: trapezoid, amplitude: 1, rise_s: 0, hold_s: 0.3, start_s: 0.7": (
+        [0.7, 0.7, 1.0, 1.0],
+        [0, 1, 1, 0],
+    ),
+    "kind: doublet, amplitude: 1, hold_s: 1.1, start_s: 0.3": (
+        [0.3, 0.3, 1.4, 1.4, 2.5, 2.5],
+        [0, 1, 1, -1, -1, 0],
+    ),
+    "kind: doublet, amplitude: -1, rise_s: 0.5, hold_s: 1": (
+        [0.0, 0.5, 1.5, 2.5, 3.5, 4.0],
+        [0, -1, -1, 1, 1, 0],
+    ),
+}
+SINES = {
+    "kind: sine, amplitude: 2, frequency_hz: 0.3": 2 * np.sin(0.6 * np.pi * TIME),
+    "kind: sine, amplitude: 2, frequency_hz: 0.3, phase_deg: 90": 2 * np.cos(0.6 * np.pi * TIME),
+    "kind: sine, amplitude: 2, frequency_hz: 0.3, start_s: 1": np.where(
+        TIME >= 1, 2 * np.sin(0.6 * np.pi * (TIME - 1)), 0
+    ),
+    "kind: sine, amplitude_deg_s: 180, frequency_hz: 0.5": np.pi * np.sin(np.pi * TIME),
+    "kind: multi_sine, amplitude: 0.5, frequencies_hz: [0.1, 0.35]": 0.5
+    * (np.sin(0.2 * np.pi * TIME) + np.sin(0.7 * np.pi * TIME)),
+    "kind: multi_sine, amplitude: 1, frequencies_hz: [0.1, 0.35], phases_deg: [90, -180]": np.cos(
+        0.2 * np.pi * TIME
+    )
+    - np.sin(0.7 * np.pi * TIME),
+    "kind: rotation, angle_deg: 180, duration_s: 4, start_s: 1": np.where(
+        (TIME > 1) & (TIME < 5), np.pi / 4 * (1 - np.cos(np.pi / 2 * (TIME - 1))), 0
+    ),
+}
+RANDOM = "kind: random, amplitude: 3, from_hz: 0.2, to_hz: 1, period_s: 20"
+
+
+def scenario(reference):
+    """A cart with this reference of its place."""
+    return from_yaml(CART.format(reference))
+
+
+def values(reference, count=STEPS):
+    """All values (count,) in one preview."""
+    return build_reference(scenario(reference)).preview(0, count)[:, 0]
+
+
+@pytest.mark.parametrize("reference", LINES)
+def test_lines_against_numpy(reference):
+    """Right of a jump from the step of its time on, which a product k dt misses by rounding."""
+    times, wanted = LINES[reference]
+    expected = np.array([np.interp(round(t, 6), times, wanted) for t in TIME])
+    np.testing.assert_allclose(values(reference), expected, atol=1e-12)
+    assert build_reference(scenario(reference)).amplitude == pytest.approx(np.abs(expected).max())
+
+
+@pytest.mark.parametrize("reference", SINES)
+def test_sines_against_numpy(reference):
+    np.testing.assert_allclose(values(reference), SINES[reference], atol=1e-12)
+    assert build_reference(scenario(reference)).amplitude >= np.abs(SINES[reference]).max() - 1e-12
+
+
+@pytest.mark.parametrize(("f0", "f1", "phase"), [(0.1, 2.0, 0), (2.0, 0.1, 0), (0, 1, 30), (0.5, 0.5, -90)])
+def test_chirp_against_scipy(f0, f1, phase):
+    """Inside the sweep; then a sine of the last frequency goes on without a jump of value or slope."""
+    found = values(
+        f"kind: chirp, amplitude: 2, from_hz: {f0}, to_hz: {f1}, duration_s: 8, phase_deg: {phase}"
+    )
+    swept = TIME <= 8
+    np.testing.assert_allclose(found[swept], 2 * chirp(TIME[swept], f0, 8, f1, phi=phase - 90), atol=1e-9)
+    cycles = 8 * (f0 + f1) / 2 + f1 * (TIME[~swept] - 8)
+    np.testing.assert_allclose(found[~swept], 2 * np.sin(2 * np.pi * cycles + np.deg2rad(phase)), atol=1e-9)
+
+
+def test_a_random_profile_is_band_limited_and_reaches_its_amplitude():
+    """All of its spectrum lies on the multiples of 1 / period in the band."""
+    found = values(RANDOM, 2000)
+    spectrum = np.abs(np.fft.rfft(found)) / 1000
+    inside = np.zeros(len(spectrum), dtype=bool)
+    inside[4:21] = True
+    assert np.hypot.reduce(spectrum[~inside]) < 1e-9
+    assert (spectrum[inside] > 1e-4).all()
+    assert np.abs(found).max() == pytest.approx(3.0, rel=2e-3)
+    assert found[0] == 0.0
+    assert len(find_peaks(found)[0]) > 8
+
+
+def test_a_random_profile_repeats_with_its_seed_to_the_bit():
+    seeded = RANDOM + ", seed: 5"
+    assert values(seeded).tobytes() == values(seeded).tobytes()
+    assert np.abs(np.corrcoef(values(RANDOM, 2000), values(seeded, 2000))[0, 1]) < 0.9
+    assert override(scenario(seeded), {"seed": 9}).reference == scenario(seeded).reference
+
+
+@pytest.mark.parametrize("reference", [*LINES, *SINES, RANDOM])
+def test_every_preview_has_the_same_bits_and_the_settings_come_back(reference):
+    resolved = scenario(reference)
+    assert from_yaml(to_yaml(resolved)) == resolved
+    whole = build_reference(resolved).preview(0, 400)
+    fresh = build_reference(resolved)
+    for k in (371, 3, 40):
+        assert fresh.preview(k, 20).tobytes() == whole[k : k + 20].tobytes()
+    assert fresh.preview(7, 0).shape == (0, 1)
+
+
+def test_previews_do_not_depend_on_how_much_was_asked_before():
+    reference = build_reference(scenario(RANDOM))
+    first = reference.preview(0, 30)
+    reference.preview(0, 20000)
+    assert reference.preview(0, 30).tobytes() == first.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("reference", "words"),
+    [
+        ("kind: step", ["amplitude", "amplitude_deg_s"]),
+        ("kind: step, amplitude: 1, amplitude_deg_s: 1", ["amplitude", "amplitude_deg_s"]),
+        ("kind: step, amplitude: 1, rise_s: 1", ["reference.rise_s"]),
+        ("kind: ramp, amplitude: 1, rise_s: 0", ["reference.rise_s", "greater than 0"]),
+        ("kind: ramp, amplitude: 1", ["reference.rise_s", "missing"]),
+        ("kind: trapezoid, amplitude: 1, rise_s: 1, hold_s: 0", ["reference.hold_s"]),
+        ("kind: doublet, amplitude: 1, rise_s: -1, hold_s: 1", ["reference.rise_s"]),
+        ("kind: sine, amplitude: 1, frequency_hz: 0", ["reference.frequency_hz"]),
+        ("kind: sine, amplitude: 1, frequency_hz: 1, phase_deg: 400", ["reference.phase_deg", "360"]),
+        ("kind: multi_sine, amplitude: 1, frequencies_hz: []", ["reference.frequencies_hz"]),
+        ("kind: multi_sine, amplitude: 1, frequencies_hz: [1, -1]", ["reference.frequencies_hz.1"]),
+        ("kind: multi_sine, amplitude: 1, frequencies_hz: [1], phases_deg: [1, 2]", ["phases_deg"]),
+        ("kind: chirp, amplitude: 1, from_hz: 0, to_hz: 0, duration_s: 1", ["from_hz", "to_hz"]),
+        ("kind: chirp, amplitude: 1, from_hz: 0, to_hz: 1, duration_s: 0", ["reference.duration_s"]),
+        ("kind: random, amplitude: 1, to_hz: 0.001", ["from_hz", "to_hz", "period_s"]),
+        ("kind: random, amplitude: 1, from_hz: 2, to_hz: 1", ["from_hz", "to_hz", "period_s"]),
+        ("kind: random, amplitude: 1, to_hz: 100, period_s: 100", ["from_hz", "to_hz", "period_s"]),
+        ("kind: random, amplitude: 1, to_hz: 1, seed: 1.5", ["reference.seed", "whole number"]),
+    ],
+)
+def test_a_wrong_setting_is_named(reference, words):
+    with pytest.raises(ParameterError) as caught:
+        scenario(reference)
+    for word in words:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "fast",
+    [
+        "kind: sine, amplitude: 1, frequency_hz: 11",
+        "kind: multi_sine, amplitude: 1, frequencies_hz: [1, 11]",
+        "kind: chirp, amplitude: 1, from_hz: 11, to_hz: 1, duration_s: 1",
+        "kind: random, amplitude: 1, from_hz: 1, to_hz: 11, period_s: 10",
+        "kind: rotation, angle_deg: 10, duration_s: 0.09",
+    ],
+)
+def test_a_period_of_less_than_ten_steps_is_refused(fast):
+    with pytest.raises(ParameterError, match="dt_s"):
+        build_reference(scenario(fast))
+    build_reference(scenario(fast.replace("11", "10").replace("0.09", "0.1")))
+
+
+def test_utc_tracks_one_on_a_linear_plant():
+    """A third of the plant's acceleration is asked for, so that it is tracked after the horizon of .1 s."""
+    run = simulate(
+        override(
+            scenario("kind: chirp, amplitude: 0.5, from_hz: 0.1, to_hz: 0.3, duration_s: 10"),
+            {"duration_s": 10.0},
+        )
+    )
+    assert np.abs(run.error[200:]).max() < 0.05
+    assert np.abs(run.reference).max() == pytest.approx(0.5, rel=1e-3)
+
+
+def test_a_skydiver_and_a_plant_of_one_s_own_take_the_same_line():
+    for name, output in (("slow_turn_pose_only", "yaw_rate"), (str(PENDULUM), "angle")):
+        line = {"kind": "doublet", "output": output, "amplitude": 0.2, "hold_s": 0.05, "rise_s": 0.01}
+        run = simulate(load_scenario(name, {"reference": line, "duration_s": 0.2}))
+        assert run.tracked_names == (output,)
+        assert np.abs(run.reference).max() == pytest.approx(0.2)
+        assert run.outcome.value == "completed"
