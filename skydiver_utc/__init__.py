@@ -32,6 +32,7 @@ _MODULES = {
     "load_scenario": "parameters.loading",
     "program": "jit",
     "quantity": "parameters.fields",
+    "rk4": "plants.integration",
     "runge_kutta": "plants.integration",
     "simulate": "loop.closed_loop",
 }

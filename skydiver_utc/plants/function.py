@@ -98,7 +98,7 @@ class FunctionPlant(Plant):
         if not (self.rate > 0.0).all():
             raise ValueError("rate must be above zero for every control; leave a limit out with inf.")
         output = whole_state if output is None else output
-        writes = _writes(plant)
+        writes = writes_its_result(plant, 4, _FORM)
         if not callable(output):
             raise ValueError("output must be a function of the state, or None for the whole state.")
         example = (np.full(n, np.nan),) if writes else ()
@@ -165,21 +165,24 @@ def _tried(name: str, tried: Any, controls: int, *example: Any) -> Array:
         ) from error
 
 
-def _writes(plant: Any) -> bool:
-    """Whether a plain or jitted plant writes into a fourth argument: one that has no default."""
-    if not callable(plant):
-        raise ValueError(f"{_FORM}, not {plant!r}.")
+def writes_its_result(given: Any, count: int, form: str) -> bool:
+    """Whether a plain or jitted function writes into its last parameter of `count`: one that has no default.
+
+    One of `count` - 1 parameters returns its result. ValueError, which begins with `form`, for any other.
+    """
+    if not callable(given):
+        raise ValueError(f"{form}, not {given!r}.")
     try:
-        parameters = inspect.signature(getattr(plant, "py_func", plant)).parameters.values()
+        parameters = inspect.signature(getattr(given, "py_func", given)).parameters.values()
     except ValueError as error:
-        raise ValueError(f"{_FORM}, not {plant!r}, whose parameters are not known.") from error
+        raise ValueError(f"{form}, not {given!r}, whose parameters are not known.") from error
     positional = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
     needed = sum(p.default is p.empty for p in positional)
     named = any(p.kind is p.KEYWORD_ONLY and p.default is p.empty for p in parameters)
     more = any(p.kind is p.VAR_POSITIONAL for p in parameters)
-    if named or needed > 4 or (len(positional) < 3 and not more):
-        raise ValueError(f"{_FORM}; this one has {needed} parameters without a default.")
-    return needed == 4
+    if named or needed > count or (len(positional) < count - 1 and not more):
+        raise ValueError(f"{form}; this one has {needed} parameters without a default.")
+    return needed == count
 
 
 def numbers(name: str, value: ArrayLike) -> Array:
