@@ -56,6 +56,9 @@ def skydiver(
             "epoch_s": EPOCH_S,
             "plant.limits": {**LIMITS, "alpha_rate": 2.0},
             "plant.initial.Cm_damp_yaw": 1.0,
+            # A step of 0.05 s bears no more.
+            "plant.damping.Cm_damp_roll": 1.0,
+            "plant.damping.Cm_damp_pitch": 1.0,
             "reference": wanted,
         }
         | settings,

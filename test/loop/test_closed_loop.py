@@ -134,8 +134,11 @@ def test_every_scenario_starts(name: str) -> None:
 
 
 def test_a_run_that_leaves_the_model_ends_as_diverged() -> None:
-    fast = {"plant__initial__fall_speed_m_s": 149.0, "plant__initial__yaw_rate_deg_s": 1000.0}
-    run = run_of("bank_recovery", dt_s=0.05, **fast)
+    """One hand spins the body in thin air: the rate passes 200 rad/s."""
+    hand = {"plant__hands__K_N": 500.0, "plant__limits__k_left": [0.0, 50.0]}
+    pressed = {"kind": "constant", "values": {"k_left": 50.0}}
+    slots = {"reference": pressed, "controller": {"kind": "open_loop"}}
+    run = run_of("bank_recovery", plant__air__density_kg_m3=1e-3, **hand, **slots)
     assert run.outcome is Outcome.DIVERGED
     assert run.reason
 

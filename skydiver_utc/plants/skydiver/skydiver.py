@@ -13,9 +13,8 @@ from skydiver_utc.body.posture import joint_angle_names
 from skydiver_utc.parameters import SkydiverSettings
 from skydiver_utc.parameters.skydiver import CONTROLS
 from skydiver_utc.plants.protocol import Model, Plant, Reduced
-from skydiver_utc.plants.skydiver.dynamics import (
-    STATE_SIZE,
-)
+from skydiver_utc.plants.skydiver.dynamics import STATE_SIZE
+from skydiver_utc.plants.skydiver.longest_step import fastest_damping
 from skydiver_utc.plants.skydiver.model import PlantModel, build_model
 from skydiver_utc.plants.skydiver.prediction import named_outputs, skydiver_step
 from skydiver_utc.plants.skydiver.reduced import belly_to_earth, expanded, reduced
@@ -60,6 +59,7 @@ class SkydiverPlant(Plant):
         self._initial = settings.initial
         self.initial_speed = settings.initial.fall_speed_m_s
         self._belly_to_earth = settings.belly_to_earth
+        fastest_damping(self.model, self.initial_state(), settings.initial.alpha).refuse_longer(dt_s)
 
     def initial_state(self) -> Array:
         """State (13,) at step 0: heading, then pitch, then bank turned; falling straight down in the world."""

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The longest step for which the integrator is stable, from the fastest damping that a skydiver can have."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.plants.protocol import Model
+from skydiver_utc.rotations import world_up
+
+Array = NDArray[np.float64]
+
+# Classical Runge-Kutta is stable to 2.785 on the negative real axis (Hairer and Wanner, Solving Ordinary Differential
+# Equations II, IV.2). A seventh less, for falls that are faster than the straight one.
+LARGEST_RATE_TIMES_STEP = 2.4
+_AXES = ("roll", "pitch", "yaw")
+# At most so many pattern angles are looked at.
+_ALPHAS = 33
+# Of the differences: speed [m/s], body rate [rad/s], step [s].
+_SPEED, _RATE, _STEP_S = 50.0, 0.1, 1e-6
+
+
+class FastestDamping(NamedTuple):
+    """The body axis whose rate is damped fastest, and how fast [1/s]."""
+
+    axis: str
+    rate: float
+
+    @property
+    def longest_step(self) -> float:
+        """Longest step [s] that the integrator takes, rounded down to three digits."""
+        longest = LARGEST_RATE_TIMES_STEP / self.rate
+        unit = 10.0 ** (np.floor(np.log10(longest)) - 2)
+        return float(np.floor(longest / unit) * unit)
+
+    def refuse_longer(self, dt_s: float) -> None:
+        """Raise ValueError where a step [s] is longer than that."""
+        if self.rate * dt_s > LARGEST_RATE_TIMES_STEP:
+            raise ValueError(
+                f"dt = {dt_s:g} s is too long for the integrator: {self.axis} damping of {self.rate:.0f} 1/s needs"
+                f" dt <= {self.longest_step:.3g} s"
+            )
+
+
+def fastest_damping(model: Model, initial: Array, alpha: float) -> FastestDamping:
+    """Over the pattern angles, at the upper limit of Cm_damp_yaw, in the fall of an initial state (13,).
+
+    Damping is proportional to the speed, here the initial or the terminal one, whichever is larger; the latter in the
+    initial attitude and posture [rad], with the hands at the limits that pull down most.
+    """
+    constants = model.parameters._replace(dt=_STEP_S, work=np.empty_like(model.parameters.work))
+    low, high = constants.control_min, constants.control_max
+    step = model._replace(parameters=constants).bound(len(high), 4).step
+    initial_speed = float(np.linalg.norm(initial[7:10]))
+    down, following = -world_up(initial), np.empty(len(initial))
+
+    def accelerations(speed: float, rates: Array, control: Array) -> Array:
+        """Linear and angular ones (6,) in body axes, falling straight down."""
+        state = np.concatenate([initial[:7], speed * down, rates])
+        step(state, control, following)
+        changed: Array = following[7:13] - state[7:13]
+        return changed / _STEP_S
+
+    def damping(alpha: float) -> FastestDamping:
+        held = np.array([high[0], 0.0, 0.0, alpha])
+        columns = [
+            accelerations(_SPEED, d, held) - accelerations(_SPEED, -d, held) for d in _RATE * np.eye(3)
+        ]
+        values, vectors = np.linalg.eig(np.transpose(columns)[3:] / (2.0 * _RATE))
+        i = int(np.argmax(np.abs(values)))
+        return FastestDamping(_AXES[int(np.argmax(np.abs(vectors[:, i])))], float(np.abs(values[i])))
+
+    def terminal_speed(hands: Array) -> float:
+        control = np.array([high[0], *hands, alpha])
+        pull = float(down @ accelerations(0.0, np.zeros(3), control)[:3])
+        drag = pull - float(down @ accelerations(_SPEED, np.zeros(3), control)[:3])
+        return _SPEED * float(np.sqrt(max(pull, 0.0) / drag))
+
+    fastest = max(map(damping, np.linspace(low[3], high[3], _ALPHAS)), key=lambda one: one.rate)
+    speed = max(initial_speed, terminal_speed(low[1:3]), terminal_speed(high[1:3]))
+    return fastest._replace(rate=fastest.rate * speed / _SPEED)

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A step that is too long for the integrator is refused, and one that is not falls straight."""
+
+import re
+from itertools import product
+
+import numpy as np
+import pytest
+
+from skydiver_utc.loop.registry import build_plant
+from skydiver_utc.parameters import ParameterError, load_scenario
+from skydiver_utc.plants.skydiver.linearise import linearise
+from skydiver_utc.plants.skydiver.longest_step import fastest_damping
+from skydiver_utc.plants.skydiver.modes import modes
+from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
+from skydiver_utc.plants.skydiver.steady import HeldBody, straight_falls
+from skydiver_utc.rotations import world_up
+
+# The last of each is the bound of the setting.
+STEPS_S = (0.0042, 0.012, 0.03, 0.1, 1.0)
+YAW, ROLL, PITCH = (0.5, 50.0), (0.0, 8.0, 50.0), (0.0, 50.0)
+FALL = load_scenario("bank_recovery")
+
+
+def skydiver(dt_s: float, yaw: float, roll: float, pitch: float) -> SkydiverPlant:
+    """Almost level at first, so that a mode that the integrator makes unstable grows."""
+    given = FALL.plant
+    settings = given.replace(
+        limits=given.limits.replace(Cm_damp_yaw=(0.01, yaw)),
+        damping=given.damping.replace(Cm_damp_roll=roll, Cm_damp_pitch=pitch),
+        initial=given.initial.replace(Cm_damp_yaw=yaw, bank_deg=1e-3),
+    )
+    plant = build_plant(FALL.replace(dt_s=dt_s, plant=settings))
+    assert isinstance(plant, SkydiverPlant)
+    return plant
+
+
+def assert_falls_straight(plant: SkydiverPlant) -> None:
+    """For 20 s, with the controls held."""
+    state, held = plant.initial_state(), plant.initial_applied()
+    for _ in range(round(20.0 / plant.dt_s)):
+        state = plant.step(state, held, held)
+        assert not plant.fault(state)
+    assert np.linalg.norm(state[7:10]) == pytest.approx(57.2, abs=0.1)
+    assert np.abs(state[10:13]).max() < 1e-3
+    assert world_up(state)[2] > np.cos(np.deg2rad(9.0))
+
+
+def longest_step(sentence: str) -> float:
+    found = re.search(r"dt <= (\S+) s", sentence)
+    assert found is not None
+    return float(found[1])
+
+
+@pytest.mark.long
+def test_every_accepted_step_falls_straight_and_every_refusal_names_one_that_is_accepted() -> None:
+    accepted, refused = 0, 0
+    for dt_s, *dampings in product(STEPS_S, YAW, ROLL, PITCH):
+        sentence = ""
+        try:
+            assert_falls_straight(skydiver(dt_s, *dampings))
+        except ParameterError as error:
+            sentence = str(error)
+        if sentence:
+            assert f"dt = {dt_s:g} s" in sentence
+            skydiver(longest_step(sentence), *dampings)
+        refused, accepted = refused + bool(sentence), accepted + (not sentence)
+    assert accepted > 10
+    assert refused > 10
+
+
+@pytest.mark.parametrize(
+    ("axis", "dampings"), [("roll", (0.5, 50.0, 8.0)), ("pitch", (0.5, 0.0, 50.0)), ("yaw", (50.0, 0.0, 0.0))]
+)
+def test_the_longest_step_falls_straight(axis: str, dampings: tuple[float, float, float]) -> None:
+    with pytest.raises(ParameterError, match=f"{axis} damping of \\d+ 1/s") as refusal:
+        skydiver(0.1, *dampings)
+    assert_falls_straight(skydiver(longest_step(str(refusal.value)), *dampings))
+
+
+def test_a_step_that_is_a_third_too_long_leaves_the_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bound is no wider than it has to be: 2.4 times the time constant, and Runge-Kutta ends at 2.785."""
+    with pytest.raises(ParameterError) as refusal:
+        skydiver(0.1, 0.5, 50.0, 8.0)
+    monkeypatch.setattr("skydiver_utc.plants.skydiver.longest_step.LARGEST_RATE_TIMES_STEP", np.inf)
+    plant = skydiver(round(4.0 / 3.0 * longest_step(str(refusal.value)), 6), 0.5, 50.0, 8.0)
+    with pytest.raises(AssertionError):
+        assert_falls_straight(plant)
+
+
+def test_the_fastest_damping_is_the_fastest_mode_of_the_fall() -> None:
+    """The linearised fall's, over the pattern angles; hands without force, so that its speed is the largest."""
+    scenario = load_scenario("bank_recovery", {"plant.hands.K_N": 0.0})
+    plant = build_plant(scenario)
+    assert isinstance(plant, SkydiverPlant)
+    found = fastest_damping(plant.model, plant.initial_state(), 0.0)
+    fall = straight_falls(plant.constants)[0]
+    held = [np.array([6.0, 0.0, 0.0, alpha]) for alpha in (-1.5, 0.0, 1.5)]
+    fastest = max(
+        (modes(linearise(HeldBody(plant.constants, u), fall), fall)[0] for u in held),
+        key=lambda mode: abs(mode.eigenvalue),
+    )
+    assert fastest.name.startswith(found.axis)
+    assert found.rate == pytest.approx(abs(fastest.eigenvalue), rel=0.01)
