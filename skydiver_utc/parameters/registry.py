@@ -29,6 +29,7 @@ _SETTINGS, _PLANTS = "skydiver_utc.parameters", "skydiver_utc.plants"
 _ESTIMATORS = "skydiver_utc.estimators.true_state"
 _CONTROLLERS = "skydiver_utc.controllers"
 _RIVALS = f"{_CONTROLLERS}.settings"
+_GUST = "skydiver_utc.disturbances.gust:Gust"
 
 # References that are functions of time: the settings hold the formula.
 _CURVE = f"{_REFERENCES}.curve:CurveReference"
@@ -75,7 +76,7 @@ KINDS: Mapping[str, Mapping[str, Kind]] = {
     "estimator": {
         "true_state": Kind(f"{_ESTIMATORS}:TrueState.Settings", f"{_ESTIMATORS}:TrueState"),
     },
-    "disturbance": {},
+    "disturbance": {"gust": Kind(f"{_GUST}.Settings", _GUST)},
 }
 
 
