@@ -150,7 +150,7 @@ class RecorderNode(ScenarioNode):
 
     def _new_run(self) -> RunMonitor:
         length_ns = self.scenario.steps * self.scenario.dt_ns
-        return RunMonitor(self.scenario.stamp_ns(0), length_ns, time.time_ns())
+        return RunMonitor(self.scenario.stamp_ns(0), length_ns)
 
     def _poll(self) -> None:
         if self._bag is None:

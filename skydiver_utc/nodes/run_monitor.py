@@ -24,11 +24,11 @@ class RunMonitor:
     then the range begins with it.
     """
 
-    def __init__(self, epoch_ns: int, length_ns: int, started_at_ns: int) -> None:
+    def __init__(self, epoch_ns: int, length_ns: int) -> None:
         self.newest_ns: int | None = None
         self.ended = False
         self._states = 0  # of the whole run, from its outcome
-        self._begin_ns, self._length_ns, self._started_at_ns = epoch_ns, length_ns, started_at_ns
+        self._begin_ns, self._length_ns = epoch_ns, length_ns
         self._first_state_ns: int | None = None
         self._run_id = ""
 
@@ -84,9 +84,9 @@ class RunMonitor:
             self._first_state_ns = stamp_ns
 
     def _receive_outcome(self, message: RawMessage) -> None:
-        if message.sent_at_ns < self._started_at_ns:
-            raise MessageError("earlier", "it was sent before this recording began")
         outcome = read_outcome(_text(message))
+        if outcome["states"] > 0 and self._first_state_ns is None:
+            raise MessageError("earlier", "its run ended before this recording began")
         if outcome["run_id"] != self._run_id:
             raise MessageError(
                 "run", f"it is of the run {outcome['run_id']}, this is {self._run_id or 'none'}"

@@ -7,6 +7,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import Log, ParameterEvent
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -33,6 +34,7 @@ def _quality(depth: int, durability: QoSDurabilityPolicy) -> QoSProfile:
 # A subscriber that was blocked receives the publisher's history: more than two seconds of the fastest lockstep
 # measured. With a depth of 10 a recorder that blocks for half a second loses messages.
 EACH_STEP = _quality(5000, QoSDurabilityPolicy.VOLATILE)
+LOG = _quality(1000, QoSDurabilityPolicy.TRANSIENT_LOCAL)
 CHUNKS = _quality(20, QoSDurabilityPolicy.TRANSIENT_LOCAL)
 LATCHED = _quality(1, QoSDurabilityPolicy.TRANSIENT_LOCAL)
 # For subscribers in real time: over a network that loses messages a reliable subscriber receives nothing new until
@@ -81,6 +83,8 @@ JOINT_STATES = Topic("joint_states", JointState, EACH_STEP)
 DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, EACH_STEP)
 OUTCOME = Topic("outcome", String, LATCHED)
 RECORDER_READY = Topic("recorder/ready", String, LATCHED, recorded=False)
+LOGS = Topic("/rosout", Log, LOG)
+PARAMETER_EVENTS = Topic("/parameter_events", ParameterEvent, EACH_STEP)
 STICK = Topic("stick", TwistStamped, EACH_AS_IT_COMES)
 
 # In causal order within one step: messages of one instant are recorded in this order.
@@ -97,6 +101,8 @@ TOPICS = (
     APPLIED_COMMAND,
     JOINT_STATES,
     DIAGNOSTICS,
+    LOGS,
+    PARAMETER_EVENTS,
     OUTCOME,
     RECORDER_READY,
 )

@@ -13,6 +13,8 @@ from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.reader import RecordedTopic
 
 CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
+# Logs and parameter events of the recorded nodes would stand among those of today's.
+_OF_NODES = ("rcl_interfaces/msg/Log", "rcl_interfaces/msg/ParameterEvent")
 
 
 class Item(NamedTuple):
@@ -36,10 +38,15 @@ def in_order(topics: Mapping[str, RecordedTopic]) -> list[Item]:
 
 
 def chosen(recorded: Mapping[str, RecordedTopic], names: Sequence[str]) -> dict[str, RecordedTopic]:
-    """The topics with these names, all without names; clocks always. An unknown name raises `RecordingError`."""
+    """The topics with these names, and clocks always; without names all but logs and parameter events.
+
+    An unknown name raises `RecordingError`.
+    """
     relative = [name for name in names if not name.startswith("/")]
     namespace = namespace_of(recorded) if relative else ""
-    wanted = {f"{namespace}/{name}" if name in relative else name for name in names} or set(recorded)
+    wanted = {f"{namespace}/{name}" if name in relative else name for name in names}
+    if not names:
+        wanted = {name for name, topic in recorded.items() if topic.type_name not in _OF_NODES}
     for name in sorted(wanted - recorded.keys()):
         raise RecordingError(f"the recording has no topic {name}: choose from {', '.join(sorted(recorded))}")
     return {

@@ -67,4 +67,5 @@ class Stage:
     def recorded(self) -> list[Stored]:
         """Close the recorder; the messages of others."""
         self.node.close()
-        return [message for message in stored(self.folder) if message.topic != "/diagnostics"]
+        own = {topic.name for topic in (topics.DIAGNOSTICS, topics.LOGS, topics.PARAMETER_EVENTS)}
+        return [message for message in stored(self.folder) if message.topic not in own]

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from recorded import stored
 from recorder_stage import NEEDED, Stage
 from ros_fixtures import Ros, overrides
 from sensor_msgs.msg import JointState
@@ -133,9 +134,32 @@ def test_the_outcome_of_its_run_ends_the_recording(stage: Stage) -> None:
     stage.ros.spin_until(lambda: stage.node.finished)
 
 
+def test_a_clock_that_is_set_back_changes_nothing(
+    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_ns = time.time_ns
+    monkeypatch.setattr(time, "time_ns", lambda: now_ns() + 3600 * 10**9)
+    stage = Stage(ros, tmp_path / "bag").all_there()
+    stage.state(0)
+    stage.outcome(1)
+    stage.ros.spin_until(lambda: stage.node.finished)
+
+
+def test_a_recording_holds_what_nodes_log(stage: Stage) -> None:
+    stage.all_there()
+    stage.state(0)
+    stage.ros.spin_until(lambda: stage.others.count_subscribers("/rosout"))
+    stage.others.get_logger().info("a sentence")
+    stage.outcome(1)
+    stage.ros.spin_until(lambda: stage.node.finished)
+    stage.node.close()
+    logs = [message.cdr for message in stored(stage.folder) if message.topic == "/rosout"]
+    assert any(b"a sentence" in cdr for cdr in logs)
+
+
 def test_an_outcome_from_before_the_recording_does_not_end_it(ros: Ros, tmp_path: Path) -> None:
     earlier = ros.partner("earlier")
-    text = outcome_text("r", "completed", "", wall_time_s=1.0, states=0)
+    text = outcome_text("r", "completed", "", wall_time_s=1.0, states=10)
     earlier.publisher(topics.OUTCOME).publish(String(data=text))
     stage = Stage(ros, tmp_path / "bag").all_there()
     ros.spin_until(lambda: stage.node.refusals.counts["earlier"])
