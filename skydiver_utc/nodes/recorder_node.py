@@ -30,7 +30,7 @@ _POLL_S = 0.02
 _FLUSH_INTERVAL_S = 0.25  # a killed recorder loses this, the poll and the write: less than half a second
 _CHECK_S = 1.0  # of the publishers' types
 _QUIET_S = 0.1
-_OUTCOME_S = 1.0  # longest wait for the outcome when the recorder is stopped together with the plant
+_STOPPED_S = 1.0  # longest wait for the outcome, or for lost messages of a run that was stopped
 _RETRANSMISSION_S = 10.0  # longest wait for lost messages: DDS offers them again every three seconds
 _SLOW_DISK_S = 2.0
 _QUEUE_LIMIT_BYTES = 256 * 1024**2  # some minutes of a run
@@ -229,7 +229,8 @@ class RecorderNode(ScenarioNode):
             time.sleep(_QUIET_S)
             quiet = self.drain() == 0
             complete = self.failure or (not self._run.running and not self.not_in_bag())
-            longest_s = _OUTCOME_S if self._run.running else _RETRANSMISSION_S
+            stopped = self._run.running or self._run.aborted
+            longest_s = _STOPPED_S if stopped else _RETRANSMISSION_S
             if (quiet and complete) or time.monotonic() - began > longest_s:
                 return
 

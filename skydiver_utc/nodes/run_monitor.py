@@ -8,6 +8,7 @@ from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
+from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.messages import MessageError
 from skydiver_utc.messages.texts import read_outcome, run_id_of
 from skydiver_utc.nodes import topics
@@ -26,7 +27,7 @@ class RunMonitor:
 
     def __init__(self, epoch_ns: int, length_ns: int) -> None:
         self.newest_ns: int | None = None
-        self.ended = False
+        self.ended, self.aborted = False, False
         self._states = 0  # of the whole run, from its outcome
         self._begin_ns, self._length_ns = epoch_ns, length_ns
         self._first_state_ns: int | None = None
@@ -55,8 +56,11 @@ class RunMonitor:
             self._receive_outcome(message)
 
     def log_time(self, topic: Topic, cdr: bytes) -> int:
-        """The message's stamp; without one, the newest time. `MessageError` where the stamp is not of this run."""
-        if not _has_stamp(topic.type):
+        """The message's stamp; without one, the newest time. `MessageError` where the stamp is not of this run.
+
+        Diagnostics come from nodes of any clock.
+        """
+        if topic.name == topics.DIAGNOSTICS.name or not _has_stamp(topic.type):
             return self.newest_or_begin_ns
         try:
             stamp_ns = leading_stamp_ns(cdr)
@@ -92,6 +96,7 @@ class RunMonitor:
                 "run", f"it is of the run {outcome['run_id']}, this is {self._run_id or 'none'}"
             )
         self.ended, self._states = True, outcome["states"]
+        self.aborted = outcome["outcome"] == Outcome.ABORTED.value
 
 
 def _has_stamp(message_type: Any) -> bool:

@@ -59,9 +59,9 @@ class Stage:
         self.ros.spin_until(lambda: self.node.newest_step() >= k)
         return data
 
-    def outcome(self, states: int, run_id: str = "r") -> None:
+    def outcome(self, states: int, run_id: str = "r", outcome: str = "completed") -> None:
         """Send an outcome."""
-        text = outcome_text(run_id, "completed", "", wall_time_s=1.0, states=states)
+        text = outcome_text(run_id, outcome, "", wall_time_s=1.0, states=states)
         self.send(topics.OUTCOME, String(data=text))
 
     def recorded(self) -> list[Stored]:

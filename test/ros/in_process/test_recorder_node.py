@@ -145,6 +145,18 @@ def test_a_clock_that_is_set_back_changes_nothing(
     stage.ros.spin_until(lambda: stage.node.finished)
 
 
+def test_lost_messages_of_an_aborted_run_are_not_waited_for(stage: Stage) -> None:
+    stage.all_there()
+    stage.state(0)
+    stage.outcome(2, outcome="aborted")
+    stage.ros.spin_until(lambda: stage.node.finished)
+    assert any("of state" in line for line in stage.node.not_in_bag())
+    began = time.monotonic()
+    stage.node.close()
+    # Of a completed run they are waited for 10 s.
+    assert time.monotonic() - began < 5.0
+
+
 def test_a_recording_holds_what_nodes_log(stage: Stage) -> None:
     stage.all_there()
     stage.state(0)

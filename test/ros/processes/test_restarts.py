@@ -11,7 +11,7 @@ import numpy as np
 import own_slots
 import pytest
 from own_slots import cart_file
-from ros_fixtures import JOINT_STATE, Processes, Ros, Spectator
+from ros_fixtures import JOINT_STATE, Processes, Ros, Spectator, overrides
 
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.messages import read_named, read_outcome
@@ -138,3 +138,9 @@ def test_a_bad_parameter_ends_the_process_with_its_name(processes: Processes) ->
     node = processes.start("reference", {"chunk_stesp": 3})
     assert node.wait() == REFUSED
     assert "chunk_steps" in node.output.splitlines()[-1]
+
+
+def test_a_node_that_waits_names_the_namespaces_in_which_others_are(processes: Processes) -> None:
+    processes.start("reference", overrides(), namespace="/elsewhere")
+    controller = processes.start("controller", overrides())
+    controller.wait_for_output("/elsewhere")
