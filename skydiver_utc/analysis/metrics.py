@@ -40,7 +40,9 @@ def metrics(run: Run) -> dict[str, Any]:
     solve_time_us
         median and 99th percentile of one controller call.
     status_steps
-        steps with each status of the controller: solved, saturated, repaired, kept_previous.
+        steps with each status of the controller, see `skydiver_utc.controllers.protocol.Status`.
+    diverged_points
+        steps in which sigma points diverged, and the largest number in one of them.
     missing_steps, begins_at_s
         steps that a recording lacks before its first one, and the time of that; 0 for a whole run.
     parameter_changes
@@ -59,7 +61,7 @@ def metrics(run: Run) -> dict[str, Any]:
         "schema_version": SCHEMA_VERSION,
         "scenario": run.scenario.name,
         "outcome": run.outcome.value,
-        "reason": run.reason,
+        "reason": "; ".join((run.reason, *run.warnings)),
         "outputs": outputs,
         "rmse_deg_s": rate and _degrees(rate["rmse"]),
         "max_abs_error_deg_s": rate and _degrees(rate["max_abs_error"]),
@@ -67,6 +69,10 @@ def metrics(run: Run) -> dict[str, Any]:
         **skydiver_metrics(run),
         "control_effort": control_effort(run),
         "status_steps": run.status_steps,
+        "diverged_points": {
+            "steps": int(np.count_nonzero(run.diverged_points)),
+            "largest": int(run.diverged_points.max(initial=0.0)),
+        },
         "solve_time_us": _solve_time_us(run.solve_time_s),
         "wall_time_s": finite(run.wall_time_s),
         "simulated_time_s": time_of(run, len(run.states) - 1),

@@ -10,13 +10,30 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+# The telemetry of a controller that counts the sigma points which diverged in a decision.
+DIVERGED_POINTS = "diverged_points"
+
+
 class Status(IntEnum):
-    """What happened in one decision; of several, the gravest."""
+    """What happened in one decision; of several, the one with the highest number. Printed, it is a word.
+
+    SATURATED: a control is on a bound or at its largest change; REPAIRED: numbers were repaired or points left out;
+    KEPT_PREVIOUS: there was no answer; NO_EFFECT: no control moves one of the outputs inside the horizon;
+    NOT_REACHED: the distance to a reference that stands still has long been large and shrinks no more
+    """
 
     SOLVED = 0
     SATURATED = 1
     REPAIRED = 2
     KEPT_PREVIOUS = 3
+    NOT_REACHED = 4
+    NO_EFFECT = 5
+
+    def __str__(self) -> str:
+        return self.name.lower()
+
+    def __format__(self, spec: str) -> str:
+        return format(str(self), spec)
 
 
 class Decision(NamedTuple):

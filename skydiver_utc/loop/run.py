@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.controllers.protocol import Status
+from skydiver_utc.controllers.protocol import DIVERGED_POINTS, Status
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plants.protocol import Plant
@@ -106,7 +106,29 @@ class Run:
             return None
         columns = [self.plant.output_names.index(name) for name in self.tracked_names]
         difference: Array = self.outputs[:, columns] - self.reference
+        for j, name in enumerate(self.tracked_names):
+            if name in getattr(self.scenario.controller, "angles", ()):
+                difference[:, j] -= 2.0 * np.pi * np.round(difference[:, j] / (2.0 * np.pi))
         return difference
+
+    @property
+    def diverged_points(self) -> Array:
+        """How many sigma points diverged in each step (K,); zero for a controller without any."""
+        if DIVERGED_POINTS not in self.telemetry_names:
+            return np.zeros(len(self.telemetry))
+        counts: Array = np.nan_to_num(self.telemetry[:, self.telemetry_names.index(DIVERGED_POINTS)])
+        return counts
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """In words, in how many steps the controller could not do what it is for."""
+        steps, lost = self.status_steps, self.diverged_points
+        found = (
+            (f"sigma points diverged, up to {lost.max(initial=0.0):g} at once", int(np.count_nonzero(lost))),
+            ("the reference stayed out of reach", steps["not_reached"]),
+            ("no control moved one of the outputs inside the horizon", steps["no_effect"]),
+        )
+        return tuple(f"in {count} of {len(lost)} steps {what}" for what, count in found if count)
 
     @property
     def status_steps(self) -> dict[str, int]:

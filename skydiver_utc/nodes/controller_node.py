@@ -36,6 +36,11 @@ from skydiver_utc.parameters.nanoseconds import stamp_ns
 Vector = NDArray[np.float64]
 
 _PATIENCE_S = 5.0
+_WARNINGS = {
+    Status.KEPT_PREVIOUS: "the last decision was not finite: kept the control before",
+    Status.NOT_REACHED: "the reference has long been out of reach",
+    Status.NO_EFFECT: "no control moves one of the outputs inside the horizon",
+}
 
 
 class ControllerNode(ScenarioNode):
@@ -166,15 +171,15 @@ class ControllerNode(ScenarioNode):
         values = {
             "answered_step": self.answered,
             "answer_rate_Hz": self._rate.read(self.answered),
-            "last_status": self._status.name.lower(),
+            "last_status": str(self._status),
             "slowest_solve_ms": f"{1e3 * slowest_s:.3f}",
             "passed_over": self.passed_over,
             "reference": self._preview.covered(),
         }
         if missing := self.missing():
             return Health(Level.WARN if self.answered >= 0 else Level.OK, missing, values)
-        if self._status is Status.KEPT_PREVIOUS:
-            return Health(Level.WARN, "the last decision was not finite: kept the control before", values)
+        if self._status in _WARNINGS:
+            return Health(Level.WARN, _WARNINGS[self._status], values)
         return Health(Level.OK, "answering", values)
 
     def missing(self) -> str:

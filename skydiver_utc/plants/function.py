@@ -84,6 +84,8 @@ class FunctionPlant(Plant):
         control_names: Sequence[str] = (),
         output_names: Sequence[str] = (),
     ) -> None:
+        functions, names = (plant, output), (state_names, control_names, output_names)
+        self._given = functions, (state, control, dt, minimum, maximum, rate, *names)
         self._state, self._control = _vector("state", state), _vector("control", control)
         n, m = len(self._state), len(self._control)
         if not (isinstance(dt, Real) and np.isfinite(dt) and dt > 0.0):
@@ -127,6 +129,17 @@ class FunctionPlant(Plant):
             n,
         )
 
+    def model_of_step(self, dt_s: float) -> Model:
+        """The model with another step."""
+        if not (isinstance(dt_s, Real) and np.isfinite(dt_s) and dt_s > 0.0):
+            raise ValueError(f"dt is {dt_s!r}; it must be a number above zero.")
+        return self.model._replace(parameters=(float(dt_s),))
+
+    def __reduce__(self) -> Any:
+        """Of a plant that goes to another process: the functions given, which are compiled there."""
+        functions, given = self._given
+        return _made_again, (*functions, (*given[:2], self.dt_s, *given[3:]))
+
     def initial_state(self) -> Array:
         """The state given."""
         return self._state.copy()
@@ -134,6 +147,21 @@ class FunctionPlant(Plant):
     def initial_control(self) -> Array:
         """The control given."""
         return self._control.copy()
+
+
+def _made_again(plant: Any, output: Any, given: Sequence[Any]) -> FunctionPlant:
+    names = (
+        "state",
+        "control",
+        "dt",
+        "minimum",
+        "maximum",
+        "rate",
+        "state_names",
+        "control_names",
+        "output_names",
+    )
+    return FunctionPlant(plant, output, **dict(zip(names, given, strict=True)))
 
 
 def _in_form(template: Any, given: Any, plant: Any, name: str) -> Any:

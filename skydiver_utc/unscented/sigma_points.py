@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from skydiver_utc.jit import kernel
 
 Array = NDArray[np.float64]
+TURN = 2.0 * np.pi
 
 
 def weights(m: int, W0: float) -> Array:
@@ -49,3 +50,14 @@ def add_cross_covariance(
             for i in range(a.shape[0]):
                 total += weight[i] * (a[i, j] - mean_a[j]) * (b[i, k] - mean_b[k])
             covariance[j, k] += total
+
+
+@kernel
+def unwrap(outputs: Array, alive: Array, k: int) -> None:
+    """Put an angle of all points on the turn of the first that survived."""
+    first = 0
+    while alive[first] == 0.0:
+        first += 1
+    for i in range(outputs.shape[0]):
+        if alive[i] > 0.0:
+            outputs[i, k] -= TURN * np.rint((outputs[i, k] - outputs[first, k]) / TURN)

@@ -11,6 +11,7 @@ from runs import cart, rotation, run_of, skydiver
 from skydiver_utc.analysis.labels import missing, rows
 from skydiver_utc.analysis.metrics import metrics, to_json
 from skydiver_utc.analysis.numbers import first_step_from
+from skydiver_utc.controllers.protocol import Status
 from skydiver_utc.loop.outcome import Outcome
 
 OF_ANY_PLANT = {
@@ -19,6 +20,7 @@ OF_ANY_PLANT = {
         "convergence_time_s",
         "control_effort",
         "status_steps",
+        "diverged_points",
         "solve_time_us",
         "wall_time_s",
         "simulated_time_s",
@@ -113,7 +115,8 @@ def test_effort_scales_each_control_by_its_range_and_starts_at_the_initial_contr
 def test_statuses_and_solve_times_are_of_the_calls_that_are_known() -> None:
     times = np.append(np.arange(1.0, 80.0) * 1e-6, np.nan)
     result = metrics(run_of(solve_time_s=times, status=np.repeat([0.0, 2.0, 3.0, np.nan], [50, 20, 3, 7])))
-    assert result["status_steps"] == {"solved": 50, "saturated": 0, "repaired": 20, "kept_previous": 3}
+    counts = {name: count for name, count in result["status_steps"].items() if count}
+    assert counts == {"solved": 50, "repaired": 20, "kept_previous": 3}
     assert result["solve_time_us"] == pytest.approx({"median": 40.0, "p99": 78.22})
     unknown = metrics(run_of(solve_time_s=np.full(80, np.nan)))
     assert unknown["solve_time_us"] == {"median": None, "p99": None}
@@ -205,3 +208,17 @@ def test_rows_of_another_plant_have_its_names_and_no_skydivers() -> None:
     labels = [row.label for row in rows(metrics(run_of(scenario=cart())))]
     assert any(label.startswith("place: ") for label in labels)
     assert not any("dorsal" in label for label in labels)
+
+
+def test_what_the_controller_could_not_do_stands_in_the_reason() -> None:
+    """80 steps: points diverge in 30 of them, the reference is out of reach in 20, an output is not moved in 10."""
+    lost, status = np.zeros((80, 1)), np.zeros(80)
+    lost[:30, 0], lost[3, 0] = 2.0, 8.0
+    status[40:60], status[70:] = Status.NOT_REACHED, Status.NO_EFFECT
+    result = metrics(run_of(telemetry=lost, telemetry_names=("diverged_points",), status=status))
+    assert result["diverged_points"] == {"steps": 30, "largest": 8}
+    for told in ("30 of 80", "up to 8", "20 of 80", "10 of 80"):
+        assert told in result["reason"]
+    quiet = run_of()
+    assert metrics(quiet)["reason"] == quiet.reason
+    assert metrics(quiet)["diverged_points"] == {"steps": 0, "largest": 0}

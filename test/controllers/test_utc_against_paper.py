@@ -42,7 +42,7 @@ def test_one_step_equals_the_paper(seed):
     x, r = rng.normal(0, 3, 1), rng.normal(0, 3, 21)
     tried = controller(
         nonlinear_plant, None, state=[0.0], control=paper.U_INITIAL, dt=DT, horizon=20, minimum=low, maximum=high,
-        rate=RATE, covariance_floor=1e-9,
+        rate=RATE, P_err=1e-4, covariance_floor=1e-9,
     )  # fmt: skip
     tried.reset(U, Pu)
     result = tried.step(x, r, Qu=Qu)

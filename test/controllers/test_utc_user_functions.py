@@ -74,7 +74,7 @@ def test_a_mass_matrix_that_is_singular_at_one_point(jitted):
         return x + dt * np.linalg.solve(np.array([[1.0 if x[0] >= 0.0 else 0.0]]), u)
 
     plant = numba.njit(error_model="numpy")(singular) if jitted else singular
-    drive = controller(plant, None, state=[0.3], Pu=0.6)
+    drive = controller(plant, None, state=[0.3], Pu=0.6, P_err=1e-4)
     result = drive.step([0.3], 0.4)
     weights, points = np.array([0.25, 0.375]) / 0.625, np.array([0.0, np.sqrt(0.8)])
     mean = weights @ points

@@ -49,6 +49,15 @@ class CouplingSchedule:
         self._s14_raw = -1.0
         self._rate_sign = 0.0
 
+    @property
+    def memory(self) -> tuple[float, float]:
+        """What a step leaves behind for the next."""
+        return self._s14_raw, self._rate_sign
+
+    @memory.setter
+    def memory(self, value: tuple[float, float]) -> None:
+        self._s14_raw, self._rate_sign = value
+
     def initial_covariance(self, preview: Array) -> Array:
         """Pu (m, m) at k = 0, with the raw s14 = -1 and the signs at the first step."""
         now, following = preview[:2].tolist()

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.controllers.protocol import Status
+from skydiver_utc.controllers.utc.survivors import next_spread, survived_range, weights_left
+from skydiver_utc.controllers.utc.verdict import not_reached, without_effect
 from skydiver_utc.jit import contents, kernel, program
 from skydiver_utc.unscented.covariance import symmetric_root
 from skydiver_utc.unscented.linear_algebra import gain
-from skydiver_utc.unscented.sigma_points import add_cross_covariance, spread, weighted_mean
+from skydiver_utc.unscented.sigma_points import TURN, add_cross_covariance, spread, unwrap, weighted_mean
 
 Array = NDArray[np.float64]
 
@@ -37,8 +39,17 @@ class Law(NamedTuple):
     outputs (2m+1, L): these, then the controls `nominal`; saved (2m+1, m): U^i of eq:xpred
     tracked: how many outputs the preview is for, of `per_step` at each step of the horizon that counts
     tangent: the reference is continued from now and its next change, instead of taken from the preview
+    angles: which of the L outputs are angles, whose means and differences are those on the circle
+    centre: the innovation counts from the output of the control itself, the central point, instead of from the mean
+    offset (L,): what the plant's output is above the model's, as estimated
     reference, predicted and innovation (L,), control (m,), Pu (m, m): moved on by each step
     repaired_Pu (m, m): Pu without eigenvalues below the floor
+    gain (m, L): K; effect (L,): the largest variance of an output that one control explains
+    alive (2m+1,): 1 for the points that did not diverge, else 0
+    spread (1,): at which share of their distance from the centre points are drawn
+    watch (2 + L,): the smallest innovation since the reference last moved, in units of sqrt(P_err), the steps since
+        then, and the reference there; patience: after how many of them it counts as not reached
+    singly (1,): above zero, controls are tried one by one, without covariances in Pu and Qu
     events (3,): status, recovery and lost points of the step
     """
 
@@ -56,28 +67,35 @@ class Law(NamedTuple):
     tracked: int
     per_step: int
     tangent: bool
+    angles: NDArray[np.int64]
+    centre: bool
     outputs: Array
     saved: Array
+    offset: Array
     reference: Array
     predicted: Array
     innovation: Array
     control: Array
     Pu: Array
     repaired_Pu: Array
+    gain: Array
+    effect: Array
+    alive: Array
+    spread: Array
+    watch: Array
+    patience: int
+    singly: Array
     events: NDArray[np.int64]
 
 
-# An output beyond this is lost: its square would overflow.
-_LARGEST_OUTPUT = 1e100
 # A repair of Pu below this share of its trace is rounding, and no reason to call a step repaired.
 ROUNDING = 1e-15
-# Weights that are left after losses are not scaled up beyond the inverse of this.
-_LEAST_WEIGHT = 1e-6
 # Share of its trace that is added to the diagonal of a C_y that rounding made indefinite.
 _LEAST_OUTPUT_SHARE = 1e-14
 # Literals for the kernels.
 _SOLVED, _SATURATED = int(Status.SOLVED), int(Status.SATURATED)
 _REPAIRED, _KEPT_PREVIOUS = int(Status.REPAIRED), int(Status.KEPT_PREVIOUS)
+_NO_EFFECT, _NOT_REACHED = int(Status.NO_EFFECT), int(Status.NOT_REACHED)
 _NONE, _ABOUT_CENTRE, _OUTPUTS_REPAIRED = 0, 1, 2
 
 
@@ -99,8 +117,13 @@ def draw(state: Array, preview: Array, numbers: Law, out: Array) -> None:
     for a in range(m):
         for b in range(m):
             law.repaired_Pu[a, b] = law.Pu[a, b]
+            if law.singly[0] > 0.0 and a != b:
+                law.repaired_Pu[a, b] = law.Qu[a, b] = 0.0
     root = np.empty((m, m))
     out[2 * law.tracked + m] = symmetric_root(law.repaired_Pu, law.floor, root)
+    for a in range(m):
+        for b in range(m):
+            root[a, b] *= law.spread[0]
     spread(control, root, law.W0, points)
     for i in range(points.shape[0]):
         for c in range(m):
@@ -115,7 +138,7 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
     """eq:xpred to eq:utc_controller and the bounds; where no update is possible the control stays.
 
     out: predicted and innovation (l,) each, standard deviation of the controls (m,), what was added to eigenvalues of
-    Pu, recovery
+    Pu, recovery, how many points diverged
     """
     law = contents(numbers)
     outputs, saved, nominal, limits = law.outputs, law.saved, law.nominal, law.limits
@@ -127,16 +150,20 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
             outputs[i, k] = law.of_roll_out[i, k]
         for k in range(nominal.shape[0]):
             outputs[i, L - nominal.shape[0] + k] = saved[i, nominal[k]]
-    left = np.empty(weights.shape[0])
-    lost = _weights_left(weights, outputs, saved, left)
+    left, alive = np.empty(weights.shape[0]), law.alive
+    lost = weights_left(weights, outputs, saved, left, alive)
     law.events[0], law.events[1], law.events[2] = _KEPT_PREVIOUS, _NONE, lost
+    narrow = law.spread[0] < 1.0
+    law.spread[0] = next_spread(law.spread[0], alive, lost)
     if lost == outputs.shape[0]:
         return
+    for t in range(law.angles.shape[0]):
+        unwrap(outputs, alive, law.angles[t])
     U, Y = np.empty(m), np.empty(L)
     weighted_mean(saved, left, U)
     weighted_mean(outputs, left, Y)
-    following, C_y, K = np.empty((m, m)), np.empty((L, L)), np.empty((m, L))
-    found, recovery = False, _NONE
+    following, C_y, K, e = np.empty((m, m)), np.empty((L, L)), law.gain, np.empty(L)
+    found, recovery, unmoved = False, _NONE, False
     for attempt in range(3):
         if found or (attempt == _ABOUT_CENTRE and not left[0] < 0.0):
             continue
@@ -150,13 +177,27 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
                 trace += C_y[k, k]
             for k in range(L):
                 C_y[k, k] += _LEAST_OUTPUT_SHARE * trace
+        unmoved = without_effect(law, following, K)
         found = gain(C_y, K, following)
     if not found:
         return
+    for k in range(L):
+        e[k] = Y[k] + law.offset[k]
+    # Beside a lost point the mean would move away from it, step by step.
+    if (law.centre or narrow) and alive[0] > 0.0:
+        for a in range(m):
+            U[a] = saved[0, a]
+        for k in range(L):
+            e[k] = outputs[0, k] + law.offset[k]
+    for k in range(L):
+        e[k] = reference[k] - e[k]
+    for t in range(law.angles.shape[0]):
+        k = law.angles[t]
+        e[k] -= TURN * np.rint(e[k] / TURN)
     finite = True
     for a in range(m):
         for k in range(L):
-            U[a] += K[a, k] * (reference[k] - Y[k])
+            U[a] += K[a, k] * e[k]
         finite &= abs(U[a]) < np.inf
         for b in range(m):
             finite &= abs(following[a, b]) < np.inf
@@ -165,7 +206,10 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
     trace, saturated = 0.0, False
     for a in range(m):
         trace += law.repaired_Pu[a, a]
-        value, before = min(max(U[a], limits[0, a]), limits[1, a]), control[a]
+        low, high = limits[0, a], limits[1, a]
+        if narrow:
+            low, high = survived_range(saved, alive, a, low, high)
+        value, before = min(max(U[a], low), high), control[a]
         value = min(max(value, before - limits[2, a]), before + limits[2, a])
         saturated = saturated or value != U[a]
         control[a] = value
@@ -173,49 +217,20 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
         for b in range(m):
             law.Pu[a, b] = law.kept_share * following[a, b]
     for k in range(L):
-        law.predicted[k], law.innovation[k] = Y[k], reference[k] - Y[k]
+        law.predicted[k], law.innovation[k] = Y[k] + law.offset[k], e[k]
     status = _SATURATED if saturated else _SOLVED
     if repaired > ROUNDING * trace or lost > 0 or recovery != _NONE:
         status = _REPAIRED
+    if not_reached(law):
+        status = _NOT_REACHED
+    if unmoved and lost == 0 and not narrow:
+        status = _NO_EFFECT
     law.events[0], law.events[1] = status, recovery
     for k in range(law.tracked):
         out[k], out[law.tracked + k] = law.predicted[k], law.innovation[k]
     for a in range(m):
         out[2 * law.tracked + a] = np.sqrt(max(law.Pu[a, a], 0.0))
-    out[2 * law.tracked + m + 1] = recovery
-
-
-@kernel
-def _weights_left(weights: Array, outputs: Array, saved: Array, left: Array) -> int:
-    """Weights (2m+1,) without the points that diverged, scaled to the same sum; returns how many those are.
-
-    Beside a negative central weight the others may sum to nothing or less; equal weights take their place then, as
-    they do where hardly any weight is left. Lost rows of outputs and saved are overwritten with zeros.
-    """
-    lost, total, remaining = 0, 0.0, 0.0
-    for i in range(weights.shape[0]):
-        alive = True
-        for k in range(outputs.shape[1]):
-            alive = alive and abs(outputs[i, k]) <= _LARGEST_OUTPUT
-        for c in range(saved.shape[1]):
-            alive = alive and abs(saved[i, c]) <= _LARGEST_OUTPUT
-        total += weights[i]
-        left[i] = 1.0 if alive else 0.0
-        if alive:
-            remaining += weights[i]
-        else:
-            lost += 1
-            for k in range(outputs.shape[1]):
-                outputs[i, k] = 0.0
-            for c in range(saved.shape[1]):
-                saved[i, c] = 0.0
-    equal = lost > 0 and (weights[0] < 0.0 or remaining < _LEAST_WEIGHT * total)
-    for i in range(weights.shape[0]):
-        if left[i] > 0.0:
-            left[i] = total / (weights.shape[0] - lost) if equal else weights[i]
-            if lost > 0 and not equal:
-                left[i] *= total / remaining
-    return lost
+    out[2 * law.tracked + m + 1], out[2 * law.tracked + m + 2] = recovery, lost
 
 
 @kernel

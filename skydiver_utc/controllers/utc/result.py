@@ -8,8 +8,11 @@ from numpy.typing import NDArray
 
 from skydiver_utc.controllers.protocol import Status
 from skydiver_utc.controllers.utc.law import Recovery
+from skydiver_utc.controllers.utc.verdict import LARGE
 
 Array = NDArray[np.float64]
+# Pu counts as grown where its variance is above that at the start by this factor.
+GROWN = 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,13 +20,19 @@ class UtcResult:
     """Result of one step.
 
     control (m,): finite and inside the bounds, whatever the status; before (m,): the one before
-    predicted, innovation (l,): mean output at the horizon and how far the reference is from it, for every step of the
-        horizon at which outputs are taken; a step that keeps the previous control repeats the last prediction and has
-        no innovation
-    covariance (m, m): Pu after the step
+    predicted, innovation (l,): predicted output at the horizon and how far the reference is from it, for every step
+        of the horizon at which outputs are taken; a step that keeps the previous control repeats the last prediction
+        and has no innovation
+    unit (l,): sqrt(P_err) of each
+    of_control (l,): output of the control itself, without the spread of the sigma points; NaN where it diverged
+    sigma_points (2m+1, m), outputs (2m+1, l): controls that were tried, the present one first, and their outputs
+    gain (m, l): K, which turns the innovation into a change of the control
+    covariance (m, m): Pu after the step; grown: the controls whose variance in it is above any that they need
     repaired: the sum added to the eigenvalues of Pu before its root could be taken
     lost: how many of the 2m+1 sigma points diverged inside the horizon and were left out
     cause: the first error of plant, output or control dynamics by which a point diverged, "" where none raised one
+    spread: the share of their usual distance at which the next points are drawn, below 1 after points diverged
+    unmoved: names of outputs that no control moves inside the horizon
     recovery: the remedy after a negative W0, rounding or a failed step
     limits (3, m): minimum, maximum, largest change
     status, sentence: what happened, as a code and in words
@@ -32,14 +41,28 @@ class UtcResult:
     control: Array
     predicted: Array
     innovation: Array
+    unit: Array
+    of_control: Array
+    sigma_points: Array
+    outputs: Array
+    gain: Array
     covariance: Array
+    grown: tuple[str, ...]
     repaired: float
     lost: int
     cause: str
+    spread: float
+    unmoved: tuple[str, ...]
     recovery: Recovery
     status: Status
     before: Array
     limits: Array
+
+    @property
+    def normalised_innovation(self) -> Array:
+        """The innovation (l,) in units of sqrt(P_err): beyond 3 the reference is not met as closely as P_err asks."""
+        normalised: Array = self.innovation / self.unit
+        return normalised
 
     @property
     def deviations(self) -> Array:
@@ -53,6 +76,8 @@ class UtcResult:
         minimum, maximum, slew = self.limits
         found = []
         for j, value in enumerate(self.control):
+            if minimum[j] == maximum[j]:
+                continue  # frozen by the user
             if value in (minimum[j], maximum[j]):
                 found.append(
                     f"control {j} is on its {'minimum' if value == minimum[j] else 'maximum'} {value:g}"
@@ -64,16 +89,52 @@ class UtcResult:
     @property
     def sentence(self) -> str:
         """What happened, in words."""
-        points = 2 * len(self.control) + 1
-        diverged = f"{self.lost} of {points} sigma points diverged" + (
-            f" ({self.cause})" if self.cause else ""
-        )
         if self.status is Status.KEPT_PREVIOUS:
             if self.recovery is Recovery.NONE:
                 return "The previous control was kept: state or reference is not finite."
-            reason = diverged if self.lost == points else "the update is not finite"
+            reason = self._diverged if self.lost == len(self.sigma_points) else "the update is not finite"
             return f"The previous control was kept: {reason}; the next step begins from the initial Pu."
-        parts = [f"{diverged} and were left out"] if self.lost else []
+        parts = [*self._advice, *self._repairs, *self.limited, *self._unseen]
+        if self.status is Status.SOLVED and not parts:
+            return f"Solved; {self._distance}."
+        name = str(self.status).replace("_", " ").capitalize()
+        return f"{name}: {'; '.join([*parts, self._distance])}."
+
+    @property
+    def _diverged(self) -> str:
+        cause = f" ({self.cause})" if self.cause else ""
+        return f"{self.lost} of {len(self.sigma_points)} sigma points diverged{cause}"
+
+    @property
+    def _distance(self) -> str:
+        """How far the reference is, in the output's unit, and in that of P_err where this is far."""
+        worst = int(np.argmax(np.abs(self.normalised_innovation)))
+        far = abs(self.normalised_innovation[worst])
+        of_unit = f", {far:.3g} sqrt(P_err)," if far > LARGE else ""
+        text = f"the reference is {np.abs(self.innovation).max():.3g}{of_unit} from the predicted output"
+        apart = np.abs(self.of_control - self.predicted)
+        if (apart > self.unit).any():
+            text += f", which is {apart[np.argmax(apart / self.unit)]:.3g} from that of the control itself"
+        return text
+
+    @property
+    def _advice(self) -> list[str]:
+        """Why the reference is not reached."""
+        if self.status is Status.NO_EFFECT:
+            return [
+                f"no control moves {' or '.join(self.unmoved)} inside the horizon by what P_err lets count; take a"
+                " longer horizon, or another output"
+            ]
+        if self.status is Status.NOT_REACHED:
+            return ["the reference has long been out of reach, and comes no nearer"]
+        return []
+
+    @property
+    def _repairs(self) -> list[str]:
+        parts = []
+        if self.lost:
+            nearer = f", and the next are drawn at {self.spread:.3g} of their distance" * (self.spread < 1.0)
+            parts.append(f"{self._diverged} and were left out{nearer}")
         if self.repaired > 0.0 and self.status is Status.REPAIRED:
             parts.append(f"eigenvalues of Pu were lifted by {self.repaired:.3g} in all")
         if self.recovery is Recovery.ABOUT_CENTRE:
@@ -84,7 +145,12 @@ class UtcResult:
             parts.append(
                 "rounding made the covariance of the outputs indefinite, so its smallest eigenvalues were lifted"
             )
-        parts.extend(self.limited)
-        if not parts:
-            return f"Solved; the reference is {np.abs(self.innovation).max():.3g} from the predicted output."
-        return f"{self.status.name.capitalize()}: {'; '.join(parts)}."
+        return parts
+
+    @property
+    def _unseen(self) -> list[str]:
+        if not self.grown:
+            return []
+        return [
+            f"Pu of {' and '.join(self.grown)} has grown where no output sees it: set forgetting_factor or nominal"
+        ]

@@ -101,8 +101,31 @@ class UtcSettings(SlotSettings):
         text("prediction horizon N = t_pred / dt [steps]; of several, rising, each is tracked"),
     ]
     W0: Annotated[float, quantity("1", "weight of the central sigma point", gt=-10, lt=1)] = 0.25
-    P_err: Annotated[Covariance, text("covariance of the tracking error")] = 1e-4
+    P_err: Annotated[
+        Covariance | None,
+        text("covariance of the tracking error; null: (a tenth of what the initial Pu moves an output)^2"),
+    ] = None
     outputs: Annotated[dict[str, FurtherOutput], text("further outputs")] = {}
+    angles: Annotated[
+        tuple[str, ...], text("outputs that are angles [rad]: 2 pi further they are the same")
+    ] = ()
+    innovation: Annotated[
+        Literal["mean", "centre"],
+        text(
+            "prediction that the reference is compared with: the mean of the sigma points, or the output of the"
+            " control itself, which leaves no offset where the output is curved"
+        ),
+    ] = "mean"
+    offset_share: Annotated[
+        float,
+        quantity(
+            "1",
+            "offset-free tracking: share of the difference between measured and predicted output that is taken up in"
+            " each step; 0: none",
+            ge=0,
+            le=1,
+        ),
+    ] = 0.0
     Pu: Annotated[
         Covariance | None, text("initial covariance of the control; null: (a tenth of its range)^2")
     ] = None

@@ -9,17 +9,27 @@ from numpy.typing import ArrayLike, NDArray
 from typing_extensions import Self
 
 from skydiver_utc.controllers.limits import limits_of
-from skydiver_utc.controllers.protocol import Decision, Status
-from skydiver_utc.controllers.roll_out import Dynamics, RollOut
+from skydiver_utc.controllers.protocol import DIVERGED_POINTS, Decision, Status
+from skydiver_utc.controllers.utc.construction import (
+    check_names,
+    control_after_reference,
+    dynamics_of,
+    initial_covariance,
+    law_of,
+    plain,
+)
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
-from skydiver_utc.controllers.utc.dynamics import incremental, user_dynamics
-from skydiver_utc.controllers.utc.law import Law, Recovery, draw, update
-from skydiver_utc.controllers.utc.result import UtcResult
+from skydiver_utc.controllers.utc.explanation import Explanation
+from skydiver_utc.controllers.utc.horizon_outputs import HorizonOutputs
+from skydiver_utc.controllers.utc.law import Recovery, draw, update
+from skydiver_utc.controllers.utc.output_offset import OutputOffset
+from skydiver_utc.controllers.utc.result import GROWN, UtcResult
 from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
+from skydiver_utc.controllers.utc.tunable import Tunable
+from skydiver_utc.controllers.utc.verdict import LEAST_EFFECT
 from skydiver_utc.parameters.conversion import checked
 from skydiver_utc.plants.function import FunctionPlant, numbers
 from skydiver_utc.plants.protocol import Plant
-from skydiver_utc.unscented.sigma_points import weights
 
 Array = NDArray[np.float64]
 # How fast a control goes to its value after the reference, as a share of its rate limit, so that nothing jerks.
@@ -28,7 +38,7 @@ _STATUS, _RECOVERY = tuple(Status), tuple(Recovery)
 _KEPT_PREVIOUS = int(Status.KEPT_PREVIOUS)
 
 
-class UnscentedTransformController:
+class UnscentedTransformController(Tunable):
     """Moves a control U (m,) so that the plant's outputs Y (l,), N steps ahead, meet their reference.
 
     eq:sigp          U^i = U, U +- sqrt(m / (1 - W0)) S_j,  S S = Pu,  i = 0 .. 2m, inside the bounds
@@ -60,86 +70,56 @@ class UnscentedTransformController:
         *,
         dynamics: Callable[..., Any] | None = None,
     ) -> None:
+        self._make(settings, plant, outputs, dynamics)
+
+    def _make(
+        self,
+        settings: UtcSettings,
+        plant: Plant,
+        outputs: tuple[str, ...],
+        dynamics: Callable[..., Any] | None,
+    ) -> None:
         outputs = outputs or plant.output_names
+        self._made_of = settings, plant, outputs, dynamics
         controls, m = plant.control_names, len(plant.control_names)
-        for block, names in (
-            ("outputs", plant.output_names),
-            ("nominal", controls),
-            ("after_reference", controls),
-        ):
-            for name in getattr(settings, block):
-                if name not in names:
-                    raise ValueError(f"{block}.{name}: the plant has {', '.join(names)}")
+        check_names(settings, plant)
+        self._names = controls
         self._steps, self._l = settings.steps, len(outputs)
         self._limits = limits_of(plant)
         self._initial = plant.initial_control()
-        self._after = self._initial.copy()
-        for name, value in settings.after_reference.items():
-            self._after[controls.index(name)] = self._inside(
-                f"after_reference.{name}", value, controls.index(name)
-            )
+        self._after = control_after_reference(settings, plant)
         self._holds_after = bool(settings.after_reference)
 
-        variances = self._variances(settings, controls)
+        variances = initial_covariance(settings, self._limits, controls)
         self._initial_Pu = variances
         self._Qu = (
             settings.Qu_ratio * variances if settings.Qu is None else matrix("Qu", settings.Qu, controls)
         )
-        smallest = 1e-9 * float(np.diag(variances).min())
-        floor = smallest if settings.covariance_floor is None else settings.covariance_floor
         self._coupling: CouplingSchedule | None = None
         if settings.coupling is not None:
             self._coupling = CouplingSchedule(
                 settings.coupling, variances, controls, settings.Qu_ratio, plant.dt_s
             )
 
-        tracked = matrix("P_err", settings.P_err, outputs)
-        if not np.linalg.eigvalsh(tracked)[0] > 0.0:
-            raise ValueError("P_err must be positive definite")
-        further = [plant.output_names.index(name) for name in settings.outputs]
-        nominal = np.array([controls.index(name) for name in settings.nominal], dtype=np.int64)
-        self._count = self._l + len(further)
-        of_step = np.diag([0.0] * self._l + [output.P_err for output in settings.outputs.values()])
-        of_step[: self._l, : self._l] = tracked
-        size = self._count * len(self._steps)
-        self._P_err = np.zeros((size + len(nominal),) * 2)
-        self._P_err[:size, :size] = np.kron(np.eye(len(self._steps)), of_step)
-        self._reference = np.empty(len(self._P_err))
-        for k, output in enumerate(settings.outputs.values()):
-            self._reference[self._l + k : size : self._count] = output.reference
-        for k, (name, drawn) in enumerate(settings.nominal.items()):
-            self._P_err[size + k, size + k] = drawn.variance
-            self._reference[size + k] = self._inside(f"nominal.{name}", drawn.value, controls.index(name))
-
-        inside = self._dynamics_of(settings, plant, outputs, dynamics)
-        as_drawn = inside is None or (
-            dynamics is None and settings.dynamics is not None and settings.dynamics.saved == "drawn"
-        )
-        self.preview_steps = settings.preview_steps(plant.dt_s)
-        selected = [plant.output_names.index(name) for name in outputs] + further
-        self._roll_out = RollOut(
-            plant.model, len(plant.output_names), self._steps, selected, self._limits, (2 * m + 1, m), inside
-        )
-        at, L = self._roll_out, len(self._P_err)
-        self._control, self._Pu = at.applied, variances.copy()
-        self._predicted, self._innovation = np.zeros(L), np.zeros(L)
-        self._Qu_now, self._events = self._Qu.copy(), np.zeros(3, dtype=np.int64)
-        law = Law(
-            np.array(self._steps), at.points, at.outputs, weights(m, settings.W0), settings.W0, floor,
-            1.0 - settings.forgetting_factor, self._limits, self._P_err, self._Qu_now, nominal, self._l, self._count,
-            settings.aim == "tangent", np.zeros((2 * m + 1, L)) if len(nominal) else at.outputs,
-            at.points if as_drawn else at.first, self._reference, self._predicted, self._innovation,
-            self._control, self._Pu, np.empty((m, m)), self._events,
-        )  # fmt: skip
+        self._outputs = found = HorizonOutputs(settings, plant, outputs)
+        inside = dynamics_of(settings, plant, outputs, dynamics)
+        self._law, self._roll_out = law_of(settings, plant, found, self._limits, inside, variances)
+        self._preview_steps, law = settings.preview_steps(plant.dt_s), self._law
+        self._offset: OutputOffset | None = None
+        if settings.offset_share > 0.0:
+            self._offset = OutputOffset(plant, found, self._steps, settings.offset_share, law.offset)
         self._n = plant.model.state_size
-        self._out = np.empty(2 * self._l + m + 2)
-        self._run = at.between(draw, update, law, np.empty(self._n), np.empty((1, self._l)), self._out)
-        self.telemetry_names: tuple[str, ...] = (
+        self._out = np.empty(2 * self._l + m + 3)
+        example = np.empty(self._n), np.empty((1, self._l)), self._out
+        at = self._roll_out
+        self._run, self._roll = at.between(draw, update, law, *example), at.between(draw, None, law, *example)
+        self._telemetry_names = (
             *(f"predicted_{name}" for name in outputs),
             *(f"innovation_{name}" for name in outputs),
             *(f"std_{name}" for name in controls),
             "repaired_covariance",
             "recovery",
+            DIVERGED_POINTS,
         )
         self.reset()
 
@@ -165,7 +145,7 @@ class UnscentedTransformController:
         settings: its other fields, in which states, controls and outputs are x0 .., u0 .., y0 ..
         Whatever cannot be used is a ValueError that names it.
         """
-        given = {name: _plain(value) for name, value in settings.items()} | {"horizon_steps": _plain(horizon)}
+        given = {name: plain(value) for name, value in settings.items()} | {"horizon_steps": plain(horizon)}
         own = FunctionPlant(
             plant, output, state=state, control=control, dt=dt, minimum=minimum, maximum=maximum, rate=rate
         )
@@ -184,9 +164,12 @@ class UnscentedTransformController:
 
         Whether the reference has moved already is not known then; a control nearer to that after it says so.
         """
-        self._control[:] = np.clip(control, self._limits[0], self._limits[1])
-        self._predicted[:], self._innovation[:] = 0.0, 0.0
+        self._law.control[:] = np.clip(control, self._limits[0], self._limits[1])
+        self._law.predicted[:], self._law.innovation[:] = 0.0, 0.0
         self._begin_from(self._initial_Pu)
+        self._law.spread[:], self._law.watch[:], self._law.singly[:] = 1.0, np.inf, 0.0
+        if self._offset is not None:
+            self._offset.reset()
         if self._coupling is not None:
             self._coupling.reset()
         self._started = self._coupling is None
@@ -196,8 +179,8 @@ class UnscentedTransformController:
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """Control for a state (n,) and the reference preview (preview_steps + 1, l)."""
-        status, _, _ = self._step(state, preview, None)
-        return Decision(self._control.copy(), self._out.copy(), status)
+        status, _, _ = self._moved_on(state, preview, None)
+        return Decision(self._law.control.copy(), self._out.copy(), status)
 
     def step(self, state: ArrayLike, reference: ArrayLike, *, Qu: ArrayLike | None = None) -> UtcResult:
         """The control to apply until the next step, with what led to it.
@@ -207,41 +190,94 @@ class UnscentedTransformController:
         Qu: what is added to Pu in this step instead of the usual (m, m)
         A state or reference that is not finite keeps the control; a wrong shape is a ValueError.
         """
-        x, before = np.atleast_1d(numbers("state", state)), self.control
-        if x.shape != (self._n,):
-            raise ValueError(f"state has shape {x.shape} instead of ({self._n},).")
-        preview = self._preview(numbers("reference", reference))
+        (x, preview), before = self._checked(state, reference), self.control
         noise = None if Qu is None else numbers("Qu", Qu)
         if noise is not None and noise.shape != before.shape * 2:
             raise ValueError(f"Qu has shape {noise.shape} instead of {before.shape * 2}.")
         if _finite(x, preview[: self._steps[-1] + 1]):
-            status, recovery, lost = self._step(x, preview, noise)
+            status, recovery, lost = self._moved_on(x, preview, noise)
         else:
-            self._innovation[:] = 0.0
+            self._law.innovation[:] = 0.0
             status, recovery, lost = self._without_update(Status.KEPT_PREVIOUS)
+        return self._result(status, recovery, lost, before)
+
+    def _result(self, status: Status, recovery: Recovery, lost: int, before: Array) -> UtcResult:
+        law, of = self._law, self._outputs
+        columns = of.of_tracked.ravel()
+        outputs, points, gone = law.outputs[:, columns], law.points.copy(), law.alive == 0.0
+        outputs[gone], points[gone] = np.nan, np.nan
         return UtcResult(
             control=self.control,
-            predicted=self._predicted[: self._l * len(self._steps)].copy(),
-            innovation=self._innovation[: self._l * len(self._steps)].copy(),
+            predicted=law.predicted[columns],
+            innovation=law.innovation[columns],
+            unit=np.sqrt(law.P_err.diagonal()[columns]),
+            of_control=outputs[0] + law.offset[columns],
+            sigma_points=points,
+            outputs=outputs,
+            gain=law.gain[:, columns],
             covariance=self.Pu,
-            repaired=float(self._out[-2]),
+            grown=self._grown(),
+            repaired=float(self._out[-3]),
             lost=lost,
             cause=self._roll_out.cause,
+            spread=float(law.spread[0]),
+            unmoved=tuple(of.unmoved(law.effect, LEAST_EFFECT)) if status is Status.NO_EFFECT else (),
             recovery=recovery,
             status=status,
             before=before,
-            limits=self._limits,
+            limits=self._limits.copy(),
         )
 
-    @property
-    def control(self) -> Array:
-        """The control now in force (m,), a copy."""
-        return self._control.copy()
+    def _grown(self) -> tuple[str, ...]:
+        """Controls whose sigma points lie on both bounds, or, without bounds, far beyond those at the start."""
+        spans = self._limits[1] - self._limits[0]
+        most = np.where(np.isfinite(spans), (0.5 * spans) ** 2, GROWN * self._initial_Pu.diagonal())
+        return tuple(self._names[c] for c in np.flatnonzero((self._law.Pu.diagonal() > most) & (spans > 0.0)))
 
-    @property
-    def Pu(self) -> Array:
-        """The covariance of the control now (m, m), a copy."""
-        return self._Pu.copy()
+    def explain(self, state: ArrayLike, reference: ArrayLike) -> Explanation:
+        """Which control moves which output at the horizon, from a state (n,); nothing is changed by it.
+
+        reference: as in `step`
+        """
+        x, preview = self._checked(state, reference)
+        if self._outputs.not_known.any():
+            self._derive_P_err(x, preview)
+        law, of = self._law, self._outputs
+        kept, law.spread[:] = law.spread.copy(), 1.0
+        self._roll(x, preview, self._out)
+        law.spread[:] = kept
+        last = of.of_tracked[-1]
+        saved, outputs = law.saved.copy(), law.of_roll_out[:, last]
+        alive = np.isfinite(law.of_roll_out).all(axis=1)
+        beside = of.differences(outputs - outputs[np.argmax(alive)], last)
+        distance = of.differences(law.reference[last] - law.offset[last] - outputs[0], last)
+        deviation = np.sqrt(np.maximum(self._law.Pu.diagonal(), 0.0))
+        slopes = np.linalg.lstsq(saved[alive] - saved[np.argmax(alive)], beside[alive], rcond=1e-9)[0]
+        minimum, maximum, _ = self._limits
+        return Explanation(
+            controls=self._names,
+            outputs=of.tracked,
+            horizon=self._steps[-1],
+            control=self.control,
+            minimum=minimum.copy(),
+            maximum=maximum.copy(),
+            deviation=deviation,
+            moves=deviation[:, np.newaxis] * slopes,
+            unit=np.sqrt(law.P_err.diagonal()[last]),
+            distance=distance,
+            clipped=((law.points == minimum) | (law.points == maximum)).sum(axis=0),
+            diverged=int((~alive).sum()),
+            cause=self._roll_out.cause,
+        )
+
+    def _moved_on(self, state: Array, preview: Array, Qu: Array | None) -> tuple[Status, Recovery, int]:
+        """One step of the law, with the offset of the outputs before it."""
+        if self._offset is None:
+            return self._step(state, preview, Qu)
+        self._offset.measure(state)
+        found = self._step(state, preview, Qu)
+        self._offset.apply(state, self._law.control)
+        return found
 
     def _step(self, state: Array, preview: Array, Qu: Array | None) -> tuple[Status, Recovery, int]:
         """One step of the law: status, recovery, lost points; the rest stands in `_out`."""
@@ -257,18 +293,20 @@ class UnscentedTransformController:
             Qu = (
                 self._Qu
                 if self._coupling is None
-                else self._coupling.process_noise(preview[:, 0], self._control)
+                else self._coupling.process_noise(preview[:, 0], self._law.control)
             )
-        self._Qu_now[:] = Qu
+        if self._outputs.not_known.any():
+            self._derive_P_err(state, preview)
+        self._law.Qu[:] = Qu
         self._run(state, preview, self._out)
-        status, recovery, lost = self._events.tolist()
+        status, recovery, lost = self._law.events.tolist()
         if status == _KEPT_PREVIOUS:
-            self._innovation[:] = 0.0
+            self._law.innovation[:] = 0.0
             if not _finite(state, preview[: self._steps[-1] + 1]):
                 return self._without_update(Status.KEPT_PREVIOUS)
             # It could fail again and again.
             self._begin_from(self._first_Pu(preview))
-            return self._without_update(Status.KEPT_PREVIOUS, Recovery.RESTARTED, lost, self._out[-2])
+            return self._without_update(Status.KEPT_PREVIOUS, Recovery.RESTARTED, lost, self._out[-3])
         return _STATUS[status], _RECOVERY[recovery], lost
 
     def _without_update(
@@ -276,9 +314,9 @@ class UnscentedTransformController:
     ) -> tuple[Status, Recovery, int]:
         """The result of a step in which the law moved nothing."""
         out, l = self._out, self._l
-        out[:l], out[l : 2 * l] = self._predicted[:l], self._innovation[:l]
-        out[2 * l : -2] = np.sqrt(np.maximum(self._Pu.diagonal(), 0.0))
-        out[-2:] = repaired, recovery
+        out[:l], out[l : 2 * l] = self._law.predicted[:l], self._law.innovation[:l]
+        out[2 * l : -3] = np.sqrt(np.maximum(self._law.Pu.diagonal(), 0.0))
+        out[-3:] = repaired, recovery, lost
         return status, recovery, lost
 
     def _first_Pu(self, preview: Array) -> Array:
@@ -288,56 +326,24 @@ class UnscentedTransformController:
         )
 
     def _begin_from(self, Pu: Array) -> None:
-        self._Pu[:] = Pu
+        self._law.Pu[:] = Pu
 
     def _hold_after_reference(self) -> None:
         """Move to the controls after the reference, at a share of their rate limit; no feedback."""
         rate = _SHARE_OF_RATE_AFTER_REFERENCE * self._limits[2]
         wanted = np.clip(self._after, self._limits[0], self._limits[1])
-        self._control[:] = np.clip(wanted, self._control - rate, self._control + rate)
+        self._law.control[:] = np.clip(wanted, self._law.control - rate, self._law.control + rate)
 
-    def _variances(self, settings: UtcSettings, controls: tuple[str, ...]) -> Array:
-        if settings.Pu is not None:
-            variances = matrix("Pu", settings.Pu, controls)
-            if not (np.diag(variances) > 0.0).all():
-                raise ValueError(
-                    "Pu has a variance of zero: that control would never be tried; give it a small one"
-                )
-            return variances
-        spans = self._limits[1] - self._limits[0]
-        if not (np.isfinite(spans) & (spans > 0.0)).all():
-            raise ValueError("Pu is needed, because not every control has a finite range to take it from")
-        return np.diag((0.1 * spans) ** 2)
-
-    def _inside(self, name: str, value: float, c: int) -> float:
-        low, high = self._limits[0, c], self._limits[1, c]
-        if not low <= value <= high:
-            raise ValueError(
-                f"{name} is {value:g}, outside the limits {low:g} .. {high:g} of the control: change one"
-            )
-        return value
-
-    @staticmethod
-    def _dynamics_of(
-        settings: UtcSettings, plant: Plant, outputs: tuple[str, ...], own: Callable[..., Any] | None
-    ) -> Dynamics | None:
-        """What a sigma point does inside the horizon."""
-        if own is not None:
-            return user_dynamics(own, plant)
-        if settings.dynamics is None:
-            return None
-        d = settings.dynamics
-        if d.control not in plant.control_names:
-            raise ValueError(
-                f"dynamics.control: there is no {d.control}, the plant has {', '.join(plant.control_names)}"
-            )
-        tau = round(d.tau_s / plant.dt_s)
-        at = plant.control_names.index(d.control), plant.output_names.index(outputs[0])
-        return Dynamics(incremental, np.array([*at, d.K_p, d.K_FF, tau], dtype=float), True)
+    def _checked(self, state: ArrayLike, reference: ArrayLike) -> tuple[Array, Array]:
+        """State (n,) and preview (preview_steps + 1, l); raises ValueError for other shapes and what is no number."""
+        x = np.atleast_1d(numbers("state", state))
+        if x.shape != (self._n,):
+            raise ValueError(f"state has shape {x.shape} instead of ({self._n},).")
+        return x, self._preview(numbers("reference", reference))
 
     def _preview(self, reference: Array) -> Array:
         """The reference (preview_steps + 1, l) at the steps 0, 1, ..."""
-        rows = self.preview_steps + 1
+        rows = self._preview_steps + 1
         if reference.ndim <= 1 and reference.size == self._l:
             return np.tile(reference.reshape(1, self._l), (rows, 1))
         if reference.shape == (rows,) and self._l == 1:
@@ -348,15 +354,6 @@ class UnscentedTransformController:
                 f" or a preview, ({rows}, {self._l})."
             )
         return np.ascontiguousarray(reference)
-
-
-def _plain(value: Any) -> Any:
-    """Arrays of NumPy as numbers and rows, which settings hold."""
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, dict):
-        return {name: _plain(item) for name, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def _finite(state: Array, preview: Array) -> bool:

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From settings to the numbers and functions that UTC works with."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skydiver_utc.controllers.roll_out import Dynamics, RollOut
+from skydiver_utc.controllers.utc.dynamics import incremental, user_dynamics
+from skydiver_utc.controllers.utc.horizon_outputs import HorizonOutputs
+from skydiver_utc.controllers.utc.law import Law
+from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
+from skydiver_utc.plants.function import numbers
+from skydiver_utc.plants.protocol import Plant
+from skydiver_utc.unscented.sigma_points import weights
+
+Array = NDArray[np.float64]
+# After how many horizons, and steps at least, an innovation that does not shrink counts as not reached.
+_PATIENCE, _LEAST_PATIENCE = 10, 50
+
+
+def check_names(settings: UtcSettings, plant: Plant) -> None:
+    """Raise a ValueError for a name in the settings that the plant does not have."""
+    for block, names in (
+        ("outputs", plant.output_names),
+        ("nominal", plant.control_names),
+        ("after_reference", plant.control_names),
+    ):
+        for name in getattr(settings, block):
+            if name not in names:
+                raise ValueError(f"{block}.{name}: the plant has {', '.join(names)}")
+
+
+def initial_covariance(settings: UtcSettings, limits: Array, controls: tuple[str, ...]) -> Array:
+    """Pu (m, m) at the start, without coupling. Raises ValueError."""
+    if settings.Pu is not None:
+        variances = matrix("Pu", settings.Pu, controls)
+        if not (np.diag(variances) > 0.0).all():
+            raise ValueError(
+                "Pu has a variance of zero: that control would never be tried; give it a small one"
+            )
+        return variances
+    spans = limits[1] - limits[0]
+    if not np.isfinite(spans).all():
+        raise ValueError("Pu is needed, because not every control has a finite range to take it from")
+    # A control whose bounds are equal never moves: any variance does.
+    return np.diag((0.1 * np.where(spans > 0.0, spans, 1.0)) ** 2)
+
+
+def control_after_reference(settings: UtcSettings, plant: Plant) -> Array:
+    """The control (m,) to hold after the reference. Raises ValueError."""
+    after = plant.initial_control()
+    for name, value in settings.after_reference.items():
+        after[plant.control_names.index(name)] = value
+        check_inside(f"after_reference.{name}", value, plant, name)
+    return after
+
+
+def check_inside(setting: str, value: float, plant: Plant, name: str) -> None:
+    """Raise a ValueError where the value of a setting is outside the bounds of its control."""
+    c = plant.control_names.index(name)
+    low, high = plant.minimum[c], plant.maximum[c]
+    if not low <= value <= high:
+        raise ValueError(
+            f"{setting} is {value:g}, outside the limits {low:g} .. {high:g} of the control: change one"
+        )
+
+
+def dynamics_of(
+    settings: UtcSettings, plant: Plant, outputs: tuple[str, ...], own: Callable[..., Any] | None
+) -> Dynamics | None:
+    """How the control of a sigma point changes inside the horizon. Raises ValueError."""
+    if own is not None:
+        return user_dynamics(own, plant)
+    if settings.dynamics is None:
+        return None
+    d = settings.dynamics
+    if d.control not in plant.control_names:
+        raise ValueError(
+            f"dynamics.control: there is no {d.control}, the plant has {', '.join(plant.control_names)}"
+        )
+    tau = round(d.tau_s / plant.dt_s)
+    at = plant.control_names.index(d.control), plant.output_names.index(outputs[0])
+    return Dynamics(incremental, np.array([*at, d.K_p, d.K_FF, tau], dtype=float), True)
+
+
+def law_of(
+    settings: UtcSettings, plant: Plant, of: HorizonOutputs, limits: Array, inside: Dynamics | None, Pu: Array
+) -> tuple[Law, RollOut]:
+    """The arrays of the law, and the roll-out that shares them. Raises ValueError.
+
+    limits (3, m); inside: dynamics of a point; Pu (m, m) at the start
+    """
+    for name, nominal in settings.nominal.items():
+        check_inside(f"nominal.{name}", nominal.value, plant, name)
+    m, L, steps = len(plant.control_names), len(of.P_err), settings.steps
+    points, floor = 2 * m + 1, settings.covariance_floor
+    at = RollOut(plant.model, len(plant.output_names), steps, of.selected, limits, (points, m), inside)
+    drawn = inside is None or (inside.function is incremental and settings.dynamics.saved == "drawn")  # type: ignore[union-attr]
+    law = Law(
+        steps=np.array(steps),
+        points=at.points,
+        of_roll_out=at.outputs,
+        weights=weights(m, settings.W0),
+        W0=settings.W0,
+        floor=1e-9 * float(np.diag(Pu).min()) if floor is None else floor,
+        kept_share=1.0 - settings.forgetting_factor,
+        limits=limits,
+        P_err=of.P_err,
+        Qu=np.empty((m, m)),
+        nominal=of.nominal,
+        tracked=len(of.tracked),
+        per_step=len(of.names),
+        tangent=settings.aim == "tangent",
+        angles=of.angles,
+        centre=settings.innovation == "centre",
+        outputs=np.zeros((points, L)) if len(of.nominal) else at.outputs,
+        saved=at.points if drawn else at.first,
+        offset=np.zeros(L),
+        reference=of.reference,
+        predicted=np.zeros(L),
+        innovation=np.zeros(L),
+        control=at.applied,
+        Pu=Pu.copy(),
+        repaired_Pu=np.empty((m, m)),
+        gain=np.zeros((m, L)),
+        effect=np.zeros(L),
+        alive=np.ones(points),
+        spread=np.ones(1),
+        watch=np.full(2 + L, np.inf),
+        patience=max(_LEAST_PATIENCE, _PATIENCE * steps[-1]),
+        singly=np.zeros(1),
+        events=np.zeros(3, dtype=np.int64),
+    )
+    return law, at
+
+
+def bounds(minimum: ArrayLike, maximum: ArrayLike, m: int) -> Array:
+    """Bounds (2, m) of the controls. Raises ValueError."""
+    low, high = per_control("minimum", minimum, m), per_control("maximum", maximum, m)
+    if not (low <= high).all():
+        raise ValueError(f"minimum {low.tolist()} is above maximum {high.tolist()}")
+    return np.array([low, high])
+
+
+def rates(given: ArrayLike, m: int) -> Array:
+    """Largest changes (m,) per unit of time. Raises ValueError."""
+    found = per_control("rate", given, m)
+    if not (found > 0.0).all():
+        raise ValueError(f"rate must be above zero for every control, not {given!r}")
+    return found
+
+
+def per_control(name: str, given: ArrayLike, m: int) -> Array:
+    """One number for each control (m,). Raises ValueError."""
+    found = numbers(name, given)
+    if found.shape not in ((), (m,)) or np.isnan(found).any():
+        raise ValueError(f"{name} must be one number or {m} numbers, not {given!r}")
+    return np.broadcast_to(found, (m,))
+
+
+def plain(value: Any) -> Any:
+    """Arrays of NumPy as numbers and rows, which settings hold."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {name: plain(item) for name, item in value.items()}
+    return [plain(item) for item in value] if isinstance(value, list | tuple) else value

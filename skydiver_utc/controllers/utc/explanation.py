@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which control moves which output: a table for whoever tunes a controller."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """What the controls do over the horizon, from one state. Printed, it is a small table.
+
+    controls (m,), outputs (l,): names; horizon: steps to where the outputs are predicted, the last one of several
+    control, minimum, maximum, deviation (m,): of the controls; deviation is sqrt(Pu)
+    moves (m, l): by how much a change of one deviation moves an output at the horizon
+    unit (l,): sqrt(P_err); distance (l,): the reference less the predicted output
+    clipped (m,): of the 2m+1 sigma points, how many stand on a bound of the control
+    diverged: how many do not reach the horizon; cause: by which error the first
+    hints: what to change, in words
+    """
+
+    controls: tuple[str, ...]
+    outputs: tuple[str, ...]
+    horizon: int
+    control: Array
+    minimum: Array
+    maximum: Array
+    deviation: Array
+    moves: Array
+    unit: Array
+    distance: Array
+    clipped: NDArray[np.int64]
+    diverged: int
+    cause: str
+
+    @property
+    def hints(self) -> tuple[str, ...]:
+        """What to change, in words."""
+        return (
+            *self._about_divergence(),
+            *(hint for k in range(len(self.outputs)) for hint in self._about_output(k)),
+            *(hint for c in range(len(self.controls)) for hint in self._about_control(c)),
+        )
+
+    def __str__(self) -> str:
+        head = ["control", "now", "minimum", "maximum", "deviation", "clipped"]
+        columns = max([9, *(len(name) for name in (*self.controls, *self.outputs, "reference - predicted"))])
+        rows = [[*head, *(f"-> {name}" for name in self.outputs)]]
+        for c, name in enumerate(self.controls):
+            values = (self.control[c], self.minimum[c], self.maximum[c], self.deviation[c])
+            rows.append(
+                [name, *(f"{v:.3g}" for v in values), str(self.clipped[c]), *(f"{v:.3g}" for v in self.moves[c])]
+            )  # fmt: skip
+        rows.append(["sqrt(P_err)", *[""] * 5, *(f"{v:.3g}" for v in self.unit)])
+        rows.append(["reference - predicted", *[""] * 5, *(f"{v:.3g}" for v in self.distance)])
+        width = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+        width[0] = columns
+        lines = [
+            "  ".join(cell.rjust(w) for cell, w in zip(row, width, strict=True)).rstrip() for row in rows
+        ]
+        return "\n".join([f"one deviation of each control, over {self.horizon} steps", *lines, *self.hints])
+
+    def _about_divergence(self) -> list[str]:
+        if not self.diverged:
+            return []
+        cause = f" ({self.cause})" if self.cause else ""
+        return [f"{self.diverged} sigma points diverge{cause}: give a smaller Pu, or a shorter horizon"]
+
+    def _about_output(self, k: int) -> list[str]:
+        moved, name = np.abs(self.moves[:, k]).max(), self.outputs[k]
+        if not moved > 0.0:
+            return [f"no control moves {name}: take a longer horizon, or another output"]
+        if self.unit[k] > moved:
+            return [
+                f"sqrt(P_err) of {name} is {self.unit[k] / moved:.3g} times what the controls move it: a step takes up"
+                " a small share of the distance; give a smaller P_err, or a larger Pu or Qu"
+            ]
+        return []
+
+    def _about_control(self, c: int) -> list[str]:
+        name, span = self.controls[c], self.maximum[c] - self.minimum[c]
+        if span == 0.0:
+            return [f"{name} is frozen: its bounds are equal"]
+        if not (np.abs(self.moves[c]) > 1e-3 * self.unit).any():
+            return [f"{name} moves no output: give it a nominal value, or a forgetting_factor"]
+        return []

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The outputs that a step of UTC predicts: their names, the covariance of their errors, constant references, angles."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.controllers.utc.settings import Covariance, UtcSettings, matrix
+from skydiver_utc.plants.protocol import Plant
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# sqrt(P_err) as a share of what the initial Pu moves an output, where no P_err is given.
+_SHARE_OF_SPREAD = 0.1
+# An output that moves less than this share of itself is moved by rounding.
+_ROUNDING = 1e-12
+
+
+class HorizonOutputs:
+    """Y (L,): at each step of the horizon that counts the tracked and the further outputs, then nominal controls.
+
+    P_err (L, L) and reference (L,) are the arrays that the law works with; nominal: indices of controls; angles: of Y
+    """
+
+    def __init__(self, settings: UtcSettings, plant: Plant, tracked: tuple[str, ...]) -> None:
+        self.tracked, self.names = tracked, (*tracked, *settings.outputs)
+        unknown = [name for name in settings.angles if name not in self.names]
+        if unknown:
+            raise ValueError(f"angles: there is no {unknown[0]} among the outputs {', '.join(self.names)}")
+        self.selected = [plant.output_names.index(name) for name in self.names]
+        self.nominal = np.array([plant.control_names.index(n) for n in settings.nominal], dtype=np.int64)
+        self._weight_beside = 1.0 - settings.W0
+        self._steps, self._further = len(settings.steps), [o.P_err for o in settings.outputs.values()]
+        count = len(self.names)
+        self.size = size = count * self._steps
+        self.angles = np.array(
+            [k for k in range(size) if self.names[k % count] in settings.angles], dtype=np.int64
+        )
+        self.P_err = np.diag(np.ones(size + len(self.nominal)))
+        self.reference = np.zeros(len(self.P_err))
+        for k, output in enumerate(settings.outputs.values()):
+            self.reference[len(tracked) + k : size : count] = output.reference
+        for k, nominal in enumerate(settings.nominal.values()):
+            self.P_err[size + k, size + k], self.reference[size + k] = nominal.variance, nominal.value
+        self.not_known = np.full(len(tracked), settings.P_err is None)
+        self._set_error(np.eye(len(tracked)))
+        if settings.P_err is not None:
+            self.set_error(settings.P_err)
+
+    @property
+    def of_tracked(self) -> Indices:
+        """Indices (T, l) of the tracked outputs in Y."""
+        indices: Indices = np.arange(self.size).reshape(self._steps, -1)[:, : len(self.tracked)]
+        return indices
+
+    @property
+    def error(self) -> Array:
+        """P_err (l, l) of the tracked outputs at one step of the horizon; NaN for one that is not known yet."""
+        l = len(self.tracked)
+        found = self.P_err[:l, :l].copy()
+        found[self.not_known, self.not_known] = np.nan
+        return found
+
+    def set_error(self, given: Covariance) -> None:
+        """Let P_err be one variance for all tracked outputs, one for each, or a matrix. Raises ValueError."""
+        found = matrix("P_err", given, self.tracked)
+        if not np.linalg.eigvalsh(found)[0] > 0.0:
+            raise ValueError("P_err must be positive definite")
+        self._set_error(found)
+        self.not_known[:] = False
+
+    def derive_error(self, outputs: Array, share: float) -> None:
+        """Take what is not known of P_err from outputs (2m+1, T l) of initial sigma points, drawn at a share
+        of their distance.
+        """
+        l, found = len(self.tracked), self.P_err[: len(self.tracked), : len(self.tracked)].copy()
+        moved = self.spread(outputs)[:, :l].max(axis=0) / share
+        for k in np.flatnonzero(self.not_known & (moved > 0.0)):
+            found[k, k] = (_SHARE_OF_SPREAD * moved[k]) ** 2
+            self.not_known[k] = False
+        self._set_error(found)
+
+    def spread(self, outputs: Array) -> Array:
+        """Standard deviations (T, l) of outputs (2m+1, T l) of sigma points about the centre; 0 where only rounding."""
+        beside = self.differences(outputs[1:] - outputs[0], np.arange(self.size))
+        alive = np.isfinite(beside).all(axis=1)
+        if not alive.any():
+            return np.zeros((self._steps, len(self.names)))
+        found = np.sqrt(self._weight_beside * np.mean(np.square(beside[alive]), axis=0))
+        found[found <= _ROUNDING * np.abs(outputs[0])] = 0.0
+        spread: Array = found.reshape(self._steps, -1)
+        return spread
+
+    def differences(self, found: Array, columns: Indices) -> Array:
+        """Differences (..., c) of these columns of Y, those of angles on the circle."""
+        turns = np.where(np.isin(columns, self.angles), np.round(found / (2.0 * np.pi)), 0.0)
+        wrapped: Array = found - 2.0 * np.pi * turns
+        return wrapped
+
+    def unmoved(self, effect: Array, least: float) -> Sequence[str]:
+        """Names of outputs of which no control explains more than a share of P_err; effect (L,)."""
+        of_steps = (effect > least * self.P_err.diagonal())[: self.size].reshape(self._steps, -1)
+        return [name for k, name in enumerate(self.names) if not of_steps[:, k].any()]
+
+    def _set_error(self, tracked: Array) -> None:
+        of_step = np.diag([0.0] * len(self.tracked) + self._further)
+        of_step[: len(self.tracked), : len(self.tracked)] = tracked
+        self.P_err[: self.size, : self.size] = np.kron(np.eye(self._steps), of_step)

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Offset-free tracking: how far the plant's outputs are from those that the model predicts."""
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.controllers.utc.horizon_outputs import HorizonOutputs
+from skydiver_utc.plants.protocol import LEFT_ITS_DOMAIN, Plant
+
+Array = NDArray[np.float64]
+
+
+class OutputOffset:
+    """Compares the measured outputs with the model's, driven from N steps ago by the controls decided since then.
+
+    A model without error leaves it at zero, whatever the controls do.
+
+    of: the outputs; steps (T,): where on the horizon they are taken; share of a difference that is taken up in a step
+    value (L,): the offset, written in place
+    """
+
+    def __init__(
+        self, plant: Plant, of: HorizonOutputs, steps: tuple[int, ...], share: float, value: Array
+    ) -> None:
+        self._plant, self._of, self._steps = plant, of, steps
+        self._share, self.value, self._size = share, value, of.size
+        self._states: deque[Array] = deque(maxlen=steps[-1])
+        self._controls: deque[Array] = deque(maxlen=steps[-1])
+
+    def reset(self) -> None:
+        """Forget what was measured."""
+        self._states.clear()
+        self._controls.clear()
+        self.value[:] = 0.0
+
+    @property
+    def memory(self) -> tuple[list[Array], list[Array]]:
+        """The states measured and the controls decided since the start of the last horizon."""
+        return list(self._states), list(self._controls)
+
+    @memory.setter
+    def memory(self, value: tuple[list[Array], list[Array]]) -> None:
+        self._states.extend(value[0])
+        self._controls.extend(value[1])
+
+    def measure(self, state: Array) -> None:
+        """Take up a measured state (n,), if it lies a horizon after the first one known."""
+        if len(self._controls) == self._steps[-1]:
+            # What a model raises beyond its domain, and what is not finite, says nothing of the offset.
+            try:
+                difference = self._difference(state)
+            except LEFT_ITS_DOMAIN:
+                return
+            if np.isfinite(difference).all():
+                self.value[: self._size] += self._share * self._wrapped(difference - self.value[: self._size])
+
+    def apply(self, state: Array, control: Array) -> None:
+        """The control (m,) that was decided at a state (n,)."""
+        self._states.append(state.copy())
+        self._controls.append(control.copy())
+
+    def _difference(self, state: Array) -> Array:
+        model, x, found = self._plant.bound_model, self._states[0].copy(), []
+        measured = [*self._states, state]
+        for j, control in enumerate(self._controls):
+            model.step(x, control, x)
+            if j + 1 in self._steps:
+                found.append(self._outputs(measured[j + 1]) - self._outputs(x))
+        return self._wrapped(np.concatenate(found))
+
+    def _outputs(self, state: Array) -> Array:
+        y = np.empty(len(self._plant.output_names))
+        self._plant.bound_model.outputs(state, y)
+        found: Array = y[self._of.selected]
+        return found
+
+    def _wrapped(self, difference: Array) -> Array:
+        return self._of.differences(difference, np.arange(self._size))

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a step of UTC can reach its reference."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.jit import kernel
+
+Array = NDArray[np.float64]
+# Below this share of P_err the variance of an output that controls explain moves nothing in any time that counts.
+LEAST_EFFECT = 1e-6
+# An innovation beyond this many sqrt(P_err) is large.
+LARGE = 3.0
+
+
+@kernel
+def without_effect(law: Any, Pu: Array, C_uy: Array) -> bool:
+    """Whether some output is moved by no control at any step of the horizon; writes `effect`."""
+    of_plant = law.per_step * law.steps.shape[0]
+    for k in range(of_plant):
+        law.effect[k] = 0.0
+        for a in range(Pu.shape[0]):
+            if Pu[a, a] > 0.0:
+                law.effect[k] = max(law.effect[k], C_uy[a, k] * C_uy[a, k] / Pu[a, a])
+    found = False
+    for k in range(law.per_step):
+        unmoved = True
+        for t in range(k, of_plant, law.per_step):
+            unmoved = unmoved and law.effect[t] <= LEAST_EFFECT * law.P_err[t, t]
+        found = found or unmoved
+    return found
+
+
+@kernel
+def not_reached(law: Any) -> bool:
+    """Whether a large innovation has shrunk no more for `patience` steps, beside a reference that stands still.
+
+    Covariances between controls may then lead against bounds only, so that the controls are tried singly until the
+    reference moves.
+    """
+    size, moved, watch = 0.0, False, law.watch
+    for k in range(law.per_step * law.steps.shape[0]):
+        unit = np.sqrt(law.P_err[k, k])
+        size = max(size, abs(law.innovation[k]) / unit)
+        moved = moved or abs(law.reference[k] - watch[2 + k]) > LARGE * unit
+    if moved:
+        for k in range(law.reference.shape[0]):
+            watch[2 + k] = law.reference[k]
+    if moved or size <= LARGE or size < 0.99 * watch[0]:
+        watch[0], watch[1] = size, 0.0
+    else:
+        watch[1] += 1.0
+    if moved:
+        law.singly[0] = 0.0
+    elif watch[1] > law.patience:
+        law.singly[0] = 1.0
+    return bool(watch[1] > law.patience)

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What users do with a controller between its steps: set, read, copy, send to another process, ask."""
+
+import copy
+import pickle
+
+import numba
+import numpy as np
+import pytest
+from carts import cart, controller, position, straight
+
+from skydiver_utc import Status
+
+jitted_cart, jitted_position = numba.njit(cart), numba.njit(position)
+
+
+def test_an_unknown_attribute_is_refused_by_name():
+    drive = controller()
+    with pytest.raises(AttributeError, match="P_er"):
+        drive.P_er = 1.0
+    with pytest.raises(AttributeError):
+        drive.control = [0.0]
+
+
+def test_what_is_set_can_be_read_and_holds_from_the_next_step():
+    """A smaller P_err moves the control further, narrower bounds and rates less."""
+    changes = {"P_err": 1e-6, "Qu": 0.3, "minimum": -0.5, "maximum": 0.02, "rate": 0.1, "dt": 0.05}
+    plain = controller(P_err=1e-2, rate=9.0).step([0.0, 0.0], 0.03)
+    for name, value in changes.items():
+        drive = controller(P_err=1e-2, rate=9.0)
+        setattr(drive, name, value)
+        np.testing.assert_allclose(
+            getattr(drive, name), np.broadcast_to(value, np.shape(getattr(drive, name)))
+        )
+        result = drive.step([0.0, 0.0], 0.03)
+        equal = np.array_equal(result.control, plain.control) and np.array_equal(
+            result.covariance, plain.covariance
+        )
+        assert equal is (name == "minimum")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "named"),
+    [
+        ("P_err", 0.0, "P_err"), ("P_err", [1.0, 2.0], "P_err"), ("Qu", -1.0, "Qu"), ("minimum", 2.0, "minimum"),
+        ("maximum", [1.0, 2.0], "maximum"), ("rate", 0.0, "rate"), ("dt", -0.1, "dt"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_set_is_named_and_changes_nothing(name, value, named):
+    drive = controller()
+    before = np.copy(getattr(drive, name))
+    with pytest.raises(ValueError, match=named):
+        setattr(drive, name, value)
+    np.testing.assert_array_equal(getattr(drive, name), before)
+
+
+def test_another_dt_goes_on_from_the_same_control():
+    """The cart at 0.1, then at 0.05: one step equals that of a controller made for 0.05."""
+    drive = controller(P_err=1e-3, rate=3.0)
+    before = drive.step([0.0, 0.0], 0.05)
+    drive.dt = 0.05
+    fresh = controller(P_err=1e-3, rate=3.0, dt=0.05)
+    fresh.reset(before.control, before.covariance)
+    result, expected = (made.step([0.01, 0.0], 0.05) for made in (drive, fresh))
+    np.testing.assert_array_equal(result.control, expected.control)
+    np.testing.assert_array_equal(drive.rate, fresh.rate)
+
+
+def test_equal_bounds_freeze_a_control():
+    drive = controller(
+        straight, None, state=[0.0, 0.0], control=[0.0, 0.3], minimum=[-1, 0.3], maximum=[1, 0.3]
+    )
+    x = np.zeros(2)
+    for _ in range(80):
+        result = drive.step(x, [0.5, 0.5])
+        assert result.control[1] == 0.3
+        assert result.status is not Status.REPAIRED
+        x = np.array([x[0] + 0.1 * result.control[0], 0.5])
+    assert x[0] == pytest.approx(0.5, abs=1e-3)
+    drive.minimum, drive.maximum = [0.2, 0.3], [0.2, 0.3]
+    np.testing.assert_array_equal(drive.step(x, [0.5, 0.5]).control, [0.2, 0.3])
+
+
+COPIES = {
+    "deep copy": copy.deepcopy,
+    "copy": copy.copy,
+    "pickle": lambda drive: pickle.loads(pickle.dumps(drive)),
+}
+
+
+@pytest.mark.parametrize("copied", COPIES.values(), ids=COPIES)
+@pytest.mark.parametrize(
+    "functions", [(cart, position), (jitted_cart, jitted_position)], ids=["plain", "jitted"]
+)
+def test_a_copy_goes_on_by_itself_from_the_same_step(copied, functions):
+    drive = controller(*functions, offset_share=0.1, horizon=3, rate=3.0)
+    for k in range(5):
+        drive.step([0.1 * k, 0.0], 0.3)
+    drive.maximum = 0.4
+    other = copied(drive)
+    for k in range(5):
+        result, same = drive.step([0.1 * k, 0.0], 0.5), other.step([0.1 * k, 0.0], 0.5)
+        np.testing.assert_array_equal(result.control, same.control)
+        np.testing.assert_array_equal(result.covariance, same.covariance)
+    np.testing.assert_array_equal(drive.step([0.0, 0.0], 0.7).control.shape, (1,))
+    assert not np.array_equal(drive.Pu, other.Pu) or not np.array_equal(drive.control, other.control)
+
+
+@pytest.mark.parametrize("wrong", [None, "far", [None]])
+def test_a_reference_that_is_no_number_is_refused(wrong):
+    with pytest.raises(ValueError, match="reference"):
+        controller().step([0.0, 0.0], wrong)
+
+
+def test_an_explanation_tells_which_control_moves_which_output():
+    """y = (u0, 0.1 u1) after 8 steps of 0.1 from (0, 0); deviations 0.2; the reference is (1, 0.1) away."""
+    drive = controller(
+        lambda x, u, dt: x + dt * np.array([1.0, 0.1]) * u, None, control=[0.0, 1.0], P_err=[1e-4, 1.0]
+    )
+    before = drive.Pu
+    found = drive.explain([0.0, 0.0], [1.0, 0.18])
+    np.testing.assert_allclose(found.moves, [[0.16, 0.0], [0.0, 0.016]], atol=1e-12)
+    np.testing.assert_allclose(found.distance, [1.0, 0.1], atol=1e-12)
+    np.testing.assert_allclose(found.unit, [0.01, 1.0])
+    np.testing.assert_array_equal(found.clipped, [0, 3])
+    for name in ("u0", "u1", "y0", "y1"):
+        assert name in str(found)
+    (hint,) = [hint for hint in found.hints if "P_err" in hint]
+    assert "y1" in hint
+    np.testing.assert_array_equal(drive.Pu, before)
+    fresh = controller(
+        lambda x, u, dt: x + dt * np.array([1.0, 0.1]) * u, None, control=[0.0, 1.0], P_err=[1e-4, 1.0]
+    )
+    np.testing.assert_array_equal(
+        drive.step([0.0, 0.0], [1.0, 0.0]).control, fresh.step([0.0, 0.0], [1.0, 0.0]).control
+    )
+
+
+def test_an_explanation_advises_a_longer_horizon():
+    drive = controller(cart, position, horizon=1)
+    (hint,) = [hint for hint in drive.explain([0.0, 0.0], 1.0).hints if "y0" in hint]
+    assert "longer horizon" in hint

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Results that tell what happened, on plants that are no skydiver."""
+
+import numpy as np
+import pytest
+from carts import assert_usable, cart, controller, straight
+
+from skydiver_utc import Status
+
+FREE = {"minimum": -np.inf, "maximum": np.inf}
+
+
+def run(drive, plant, x, reference, steps, dt=0.1, model=None):
+    """The closed loop with a plant, which may differ from the controller's model; states (steps + 1, n), results."""
+    states, results = [np.array(x, dtype=float)], []
+    for k in range(steps):
+        wanted = reference(k) if callable(reference) else reference
+        results.append(drive.step(states[-1], wanted))
+        assert_usable(results[-1], -np.inf, np.inf)
+        states.append(plant(states[-1], results[-1].control, dt))
+    return np.array(states), results
+
+
+def delayed(x, u, dt):
+    """An integrator behind a dead time of 10 steps."""
+    return np.concatenate([[x[0] + dt * x[1]], x[2:], u])
+
+
+def first(x):
+    return x[0]
+
+
+NO_EFFECT = {
+    "dead time": {"plant": delayed, "output": first, "state": np.zeros(11)},
+    "constant output": {"output": lambda x: 3.0},
+    "unseen input": {"plant": lambda x, u, dt: np.array([x[0], x[1] + dt * u[0]]), "output": first},
+    "one of two": {"plant": straight, "output": lambda x: x * [1.0, 0.0], "control": [0.0, 0.0]},
+    "square at its least": {"plant": lambda x, u, dt: u**2, "output": None, "state": [0.0], "horizon": 1},
+    "far below P_err": {"plant": straight, "output": lambda x: 1e-6 * x[0], "state": [0.0], "P_err": 1e-4},
+}
+
+
+@pytest.mark.parametrize("case", NO_EFFECT)
+def test_a_control_that_moves_no_output_is_a_status_that_names_the_output(case):
+    drive = controller(**NO_EFFECT[case])
+    for _ in range(3):
+        result = drive.step(drive.plant.initial_state(), np.ones(len(drive.plant.output_names)))
+    assert result.status is Status.NO_EFFECT
+    assert result.unmoved == (("y1",) if case == "one of two" else ("y0",))
+    assert result.unmoved[0] in result.sentence
+    assert "horizon" in result.sentence
+
+
+def test_a_horizon_beyond_the_dead_time_has_an_effect():
+    drive = controller(delayed, first, state=np.zeros(11), horizon=14)
+    states, results = run(drive, delayed, np.zeros(11), 0.5, 120)
+    assert {result.status for result in results} <= {Status.SOLVED, Status.SATURATED}
+    assert states[-1, 0] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_result_holds_what_led_to_it():
+    """On a linear plant y = 0.8 u: the gain is Pu b / (b Pu b + P_err), the outputs are those of the points."""
+    drive = controller(straight, None, state=[0.0], P_err=0.01, Pu=0.04)
+    result = drive.step([0.0], 0.5)
+    b = 0.8
+    np.testing.assert_allclose(result.gain, [[0.04 * b / (0.04 * b * b + 0.01)]], rtol=1e-9)
+    np.testing.assert_allclose(result.outputs, b * result.sigma_points, rtol=1e-9)
+    np.testing.assert_allclose(result.normalised_innovation, [5.0], rtol=1e-9)
+    assert "sqrt(P_err)" in result.sentence
+
+
+@pytest.mark.parametrize("status", Status)
+def test_a_status_is_printed_as_a_word(status):
+    assert str(status) == f"{status}" == status.name.lower()
+
+
+def exploding(x, u, dt):
+    """Grows tenfold in a second, ten times faster than the control can stop it."""
+    return x + dt * (2.3 * x + u)
+
+
+def test_a_plant_that_runs_away_is_not_reached():
+    drive = controller(exploding, None, state=[1.0])
+    states, results = run(drive, exploding, [1.0], 0.0, 120)
+    assert abs(states[-1, 0]) > 1e9
+    assert results[-1].status is Status.NOT_REACHED
+    assert "reach" in results[-1].sentence
+
+
+def fallen(x, u, dt):
+    """A pendulum that a motor cannot lift: place, angle, speeds; angles count on."""
+    x = x.copy()
+    for _ in range(4):
+        x += 0.25 * dt * np.array([x[1], -9.81 * np.sin(x[0]) + u[0]])
+    return x
+
+
+def test_a_pendulum_that_swings_out_of_reach_is_not_reached():
+    drive = controller(fallen, first, P_err=1e-3, horizon=5, minimum=-0.1, maximum=0.1)
+    _, results = run(drive, fallen, [1.0, 0.0], 18.0, 150)
+    assert results[-1].status is Status.NOT_REACHED
+    assert np.abs(results[-1].normalised_innovation).max() > 100.0
+
+
+@pytest.mark.parametrize("reference", [0.9, lambda k: np.sin(0.2 * k)], ids=["step", "sine"])
+def test_a_reference_that_is_met_raises_no_alarm(reference):
+    """Also while the cart is still far away, and where it lags behind a sine."""
+    drive = controller(rate=4.0, horizon=30)
+    _, results = run(drive, cart, [-10.0, 0.0], reference, 600)
+    assert {result.status for result in results} <= {Status.SOLVED, Status.SATURATED}
+
+
+def narrow(x, u, dt):
+    """Defined for controls to 0.01 only."""
+    if abs(u[0]) > 0.01:
+        raise ValueError("the control is outside its table")
+    return x + dt * (u[0] - x)
+
+
+def test_the_spread_shrinks_until_points_survive():
+    """Bounds of 1 and a hundredth of that is defined: the reference 0.005 needs u = 0.005, and 1 is out of reach."""
+    drive = controller(narrow, None, state=[0.0], horizon=5)
+    states, results = run(drive, narrow, [0.0], 0.005, 120)
+    assert results[0].lost == 2
+    assert results[0].spread < 1.0
+    assert states[-1, 0] == pytest.approx(0.005, abs=1e-4)
+    states, results = run(drive, narrow, states[-1], 1.0, 120)
+    assert 0.007 < results[-1].control[0] <= 0.01
+    assert results[-1].status is Status.NOT_REACHED
+
+
+def test_after_losses_the_spread_grows_again():
+    """The same plant, defined everywhere from step 40 on."""
+    wide = [False]
+
+    def plant(x, u, dt):
+        if abs(u[0]) > 0.01 and not wide[0]:
+            raise ValueError("the control is outside its table")
+        return x + dt * (u - x)
+
+    drive = controller(plant, None, state=[0.0], horizon=5)
+    run(drive, plant, [0.0], 0.005, 40)
+    wide[0] = True
+    states, results = run(drive, plant, [0.005], 0.5, 100)
+    assert results[-1].spread == 1.0
+    assert states[-1, 0] == pytest.approx(0.5, abs=1e-3)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e-6, 1e6])
+def test_without_P_err_the_control_does_not_depend_on_the_unit_of_the_output(scale):
+    drive = controller(cart, lambda x: scale * x[0])
+    states, _ = run(drive, cart, [0.0, 0.0], scale, 200)
+    assert states[-1, 0] == pytest.approx(1.0, abs=1e-3)
+    plain, _ = run(controller(), cart, [0.0, 0.0], 1.0, 200)
+    np.testing.assert_allclose(states, plain, atol=1e-9)
+    np.testing.assert_allclose(drive.P_err, scale**2 * controller().P_err, rtol=1e-9)
+
+
+def squared(x, u, dt):
+    return x + dt * (u**2 - x)
+
+
+def test_with_the_central_point_a_curved_output_leaves_no_offset():
+    """x' = -x + u^2 at 0.25; the mean of the points lies above the output, and the result tells both."""
+    ends = {}
+    for innovation in ("mean", "centre"):
+        drive = controller(squared, None, state=[0.1], control=0.3, horizon=8, Pu=0.01, innovation=innovation)
+        states, results = run(drive, squared, [0.1], 0.25, 400)
+        ends[innovation] = states[-1, 0]
+        assert results[-1].predicted[0] > results[-1].of_control[0]
+    assert abs(ends["mean"] - 0.25) > 5e-4
+    assert ends["centre"] == pytest.approx(0.25, abs=1e-6)
+
+
+def wrap(angle):
+    return np.arctan2(np.sin(angle), np.cos(angle))
+
+
+def ship(x, u, dt):
+    """Nomoto's ship: heading, and a rate that follows the rudder with a lag of 2."""
+    return np.array([x[0] + dt * x[1], x[1] + dt * 0.5 * (u[0] - x[1])])
+
+
+@pytest.mark.parametrize("output", [first, lambda x: wrap(x[0])], ids=["unwrapped", "wrapped"])
+def test_a_heading_across_pi_is_held_and_turned_the_short_way(output):
+    """Held at pi - 0.001 with noise, then from 3.0 to 3.3 rad: never more than half a turn away."""
+    rng, drive = np.random.default_rng(3), controller(ship, output, angles=("y0",), horizon=12)
+    x = np.array([np.pi - 0.001, 0.0])
+    for wanted, steps in ((np.pi - 0.001, 100), (3.0, 60), (3.3, 120), (3.3 - 2 * np.pi, 60)):
+        for _ in range(steps):
+            result = drive.step(x + np.array([rng.normal(scale=0.01), 0.0]), wanted)
+            assert abs(result.innovation[0]) < 0.5
+            x = ship(x, result.control, 0.1)
+            assert 2.9 < x[0] < 3.5
+        assert x[0] == pytest.approx(3.0 if wanted == 3.0 else wanted % (2 * np.pi), abs=0.05)
+
+
+def test_angles_are_names_of_outputs():
+    with pytest.raises(ValueError, match=r"angles.*heading"):
+        controller(ship, first, angles=("heading",))
+
+
+def tank(x, u, dt, pump=1.0):
+    """A level under a pump and an outflow that goes with its root."""
+    return x + dt * (pump * u - 0.4 * np.sqrt(np.maximum(x, 0.0)))
+
+
+def test_offset_free_tracking_of_a_tank_with_a_weaker_pump():
+    """The plant's pump gives 20 % less than the model's."""
+    ends = {}
+    for share in (0.0, 0.1):
+        drive = controller(tank, None, state=[1.0], control=0.4, minimum=0.0, maximum=2.0, offset_share=share)
+        states, results = run(drive, lambda x, u, dt: tank(x, u, dt, 0.8), [1.0], 2.0, 600)
+        ends[share] = states[-1, 0]
+    assert abs(ends[0.0] - 2.0) > 0.05
+    assert ends[0.1] == pytest.approx(2.0, abs=1e-5)
+    assert results[-1].predicted[0] == pytest.approx(2.0, abs=1e-5)
+
+
+def test_offset_free_tracking_changes_nothing_on_the_plant_of_the_model():
+    states = [
+        run(controller(tank, None, state=[1.0], control=0.4, offset_share=share), tank, [1.0], 2.0, 80)[0]
+        for share in (0.0, 1.0)
+    ]
+    np.testing.assert_allclose(states[1], states[0], rtol=1e-9)
+
+
+def test_a_variance_that_grows_unseen_is_told_with_its_remedies():
+    """y = u0 + u1 without bounds: the variance of u0 - u1 gains Qu in each step."""
+    drive = controller(
+        lambda x, u, dt: np.array([u[0] + u[1]]), None, state=[0.0], control=[0, 0], horizon=1, Pu=1.0, Qu=1.0, **FREE
+    )  # fmt: skip
+    assert "forgetting_factor" not in drive.step([0.0], 1.0).sentence
+    for _ in range(4000):
+        result = drive.step([0.0], 1.0)
+    assert result.grown == ("u0", "u1")
+    assert "forgetting_factor" in result.sentence
+    assert "nominal" in result.sentence
