@@ -25,7 +25,7 @@ from typing import Any, TypeVar
 import numba
 import numpy as np
 from numba.core import cgutils, event, types
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, NullCache
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import TypingError
@@ -99,9 +99,21 @@ def is_jitted(function: object) -> bool:
 
 
 def interpreted(compiled: Any, **names: Any) -> Any:
-    """A function, jitted or not, as plain Python, with other objects under some names of its module."""
+    """A function, jitted or not, as plain Python, with other objects under some names of its module.
+
+    So are the kernels that it calls: nothing is compiled for a plant of plain Python.
+    """
     function = getattr(compiled, "py_func", compiled)
-    return FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__)
+    known = function.__globals__
+    called = {name: known[name] for name in _names(function.__code__) if name in known}
+    kernels = {name: interpreted(value) for name, value in called.items() if isinstance(value, _Kernel)}
+    return FunctionType(function.__code__, {**known, **kernels, **names}, function.__name__)
+
+
+def keep(given: Any) -> None:
+    """Keep a user's jitted function on disk, if it is not kept already."""
+    if is_jitted(given) and isinstance(given._cache, NullCache):
+        kept_on_disk(given, given)
 
 
 def bound(template: Any, name: str, owner: Any, **names: Any) -> Any:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skydiver_utc.jit import bound, interpreted, is_jitted
+from skydiver_utc.jit import bound, interpreted, is_jitted, keep
 from skydiver_utc.plants.protocol import LEFT_ITS_DOMAIN, MISTAKES, Model, Plant, one_line
 
 Array = NDArray[np.float64]
@@ -100,6 +100,8 @@ class FunctionPlant(Plant):
         if not (self.rate > 0.0).all():
             raise ValueError("rate must be above zero for every control; leave a limit out with inf.")
         output = whole_state if output is None else output
+        for given in (plant, output):
+            keep(given)
         writes = writes_its_result(plant, 4, _FORM)
         if not callable(output):
             raise ValueError("output must be a function of the state, or None for the whole state.")
