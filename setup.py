@@ -44,7 +44,9 @@ setup(
         "test": [
             "click>=8.2",
             "hypothesis>=6.98",
+            "ipykernel>=6.29",
             "mcap-ros2-support>=0.5",
+            "nbclient>=0.10",
             "pin>=3.0",
             "pytest>=9",
             "pytest-xdist>=3.4",
