@@ -16,7 +16,8 @@ from skydiver_utc.analysis.style import png
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.screen import show_metrics
 from skydiver_utc.loop.run import Run
-from skydiver_utc.parameters.run_folder import FIGURE_FILE, METRICS_FILE, REPORT_FILE, VERSIONS_FILE
+from skydiver_utc.parameters.files import write_file
+from skydiver_utc.parameters.run_folder import FIGURE_FILE, METRICS_FILE, REPORT_FILE, VERSIONS_FILE, text_of
 
 
 def analyse(folder: Path, as_json: bool) -> Run:
@@ -57,16 +58,19 @@ def examine(folder: Path) -> tuple[Run, dict[str, Any]]:
     }
     figure = png(tracking_figure(run))
     report = report_html(run, values, figure, _versions(folder / VERSIONS_FILE))
-    (folder / METRICS_FILE).write_text(to_json(values) + "\n", encoding="utf-8")
-    (folder / FIGURE_FILE).write_bytes(figure)
-    (folder / REPORT_FILE).write_text(report, encoding="utf-8")
+    for name, content in (
+        (METRICS_FILE, to_json(values) + "\n"),
+        (FIGURE_FILE, figure),
+        (REPORT_FILE, report),
+    ):
+        write_file(folder / name, content)
     return run, values
 
 
 def _versions(path: Path) -> dict[str, str]:
     """The recorder's file beside the bag, empty where it is missing."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = json.loads(text_of(path))
+    except (ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}

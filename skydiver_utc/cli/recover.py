@@ -2,7 +2,6 @@
 """``skydiver-utc recover``: a complete bag from a recording that was cut short or damaged."""
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import click
 
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.parameters.nanoseconds import seconds
-from skydiver_utc.parameters.run_folder import SCENARIO_FILE, VERSIONS_FILE
+from skydiver_utc.parameters.run_folder import SCENARIO_FILE, VERSIONS_FILE, text_of
 from skydiver_utc.recording.recovery import Loss, Survey, survey
 from skydiver_utc.recording.recovery import recover as write_recovered
 
@@ -23,11 +22,9 @@ def recover(folder: Path, out: Path | None, as_json: bool) -> None:
     into = None
     if not found.whole:
         into = out or folder.with_name(f"{folder.stem if folder.is_file() else folder.name}_recovered")
-        write_recovered(folder, into)
-        for name in (SCENARIO_FILE, VERSIONS_FILE):
-            source = (folder if folder.is_dir() else folder.parent) / name
-            if source.is_file():
-                shutil.copy2(source, into / name)
+        source = folder if folder.is_dir() else folder.parent
+        texts = {name: text_of(source / name) for name in (SCENARIO_FILE, VERSIONS_FILE)}
+        write_recovered(folder, into, {name: text for name, text in texts.items() if text})
     if as_json:
         print(json.dumps(_as_dict(found, into), indent=2))
         return

@@ -21,3 +21,11 @@ def new_run_folder(bags: Path, name: str) -> Path:
         number += 1
         folder = first.with_name(f"{first.name}_{number}")
     return folder
+
+
+def text_of(path: Path) -> str:
+    """A text file of a run folder; empty where there is none, and for a link, which may lead anywhere."""
+    try:
+        return "" if path.is_symlink() else path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return ""

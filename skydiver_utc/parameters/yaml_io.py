@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading and writing YAML: numbers as in YAML 1.2, no key twice, errors of one sentence."""
+"""Reading and writing YAML: scalars as in the core schema of YAML 1.2, no key twice, errors of one sentence."""
 
 import math
 import re
+from collections.abc import Hashable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,41 +11,70 @@ import yaml
 
 from skydiver_utc.parameters.errors import ParameterError
 
-# In C where PyYAML was built with libyaml.
-_SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_TAG = "tag:yaml.org,2002:"
+_MERGE = f"{_TAG}merge"
+_NUMBER = r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?"
+# Tag -> the texts without quotes that have it, and their first characters. All else is text: no 1_000, no 1:30, no
+# yes or no, no dates; 010 is ten.
+_SCALARS: dict[str, tuple[str, list[str]]] = {
+    f"{_TAG}null": (r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    f"{_TAG}bool": (r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    f"{_TAG}int": (r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", list("-+0123456789")),
+    f"{_TAG}float": (rf"{_NUMBER}|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", list("-+.0123456789")),
+    _MERGE: (r"<<", ["<"]),
+}
+# Bounds of a file with every alias written out; a resolved scenario has some thousand values, six blocks deep.
+_MOST_VALUES, _MOST_KEYS, _DEEPEST = 1_000_000, 100_000, 100
 
 
-class _StrictLoader(_SafeLoader):  # type: ignore[misc]
-    """Refuses a key that stands twice and reads 1e-4 as a number, as YAML 1.2 does."""
+class _StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """Refuses a key that stands twice in a block; libyaml's parser where it is there."""
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for key in keys:
-            if keys.count(key) > 1:
+    yaml_implicit_resolvers: dict[str, Any] = {}
+
+    def flatten_mapping(self, node: Any) -> None:
+        """Put merged blocks (`<<`) into the node, once, after a look at the node's own keys."""
+        if hasattr(node, "flat"):
+            return
+        node.flat = True
+        seen: set[Hashable] = set()
+        for key in [self.construct_object(key, deep=True) for key, _ in node.value if key.tag != _MERGE]:
+            if isinstance(key, Hashable) and key in seen:
                 line = node.start_mark.line + 1
                 raise ParameterError(f"the key {key!r} stands twice in the block at line {line}: keep one")
-        mapping: dict[Any, Any] = super().construct_mapping(node, deep=deep)
-        return mapping
+            seen |= {key} if isinstance(key, Hashable) else set()
+        super().flatten_mapping(node)
+        if len(node.value) > _MOST_KEYS:
+            raise ParameterError(f"a block has more than {_MOST_KEYS} keys: make it smaller")
+
+    def construct_integer(self, node: yaml.ScalarNode) -> int:
+        text = str(self.construct_scalar(node))
+        return int(text, 0 if text[:2] in ("0o", "0x") else 10)
 
 
 class _Dumper(yaml.SafeDumper):
-    """Puts a text that the loader would read as a number in quotes."""
+    """Puts a text that the loader, or one of YAML 1.1, would read as something else in quotes."""
 
 
-for _side in (_StrictLoader, _Dumper):
-    _side.add_implicit_resolver(
-        "tag:yaml.org,2002:float",
-        re.compile(r"^[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)$"),
-        list("-+0123456789."),
-    )
+_StrictLoader.add_constructor(f"{_TAG}int", _StrictLoader.construct_integer)
+for _tag, (_pattern, _first) in _SCALARS.items():
+    for _side in (_StrictLoader, _Dumper):
+        _side.add_implicit_resolver(_tag, re.compile(rf"(?:{_pattern})\Z"), _first)
 
 
-# Beside its own error PyYAML lets through what its constructors meet in a value: a date that there is not, a number
-# of too many digits, a tag that does not fit, brackets within brackets.
+# Beside its own error PyYAML lets through what its constructors meet in a value: a number of too many digits, a tag
+# that does not fit, brackets within brackets.
 _NO_YAML = (
     *(yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError, OverflowError),
     RecursionError,
 )
+
+
+def number(text: str) -> float:
+    """A text that is a number in YAML; `ValueError` for 1_000, nan and all else that Python takes for one."""
+    if not re.fullmatch(_NUMBER, text.strip()):
+        raise ValueError(f"{text!r} is no number")
+    return float(text)
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
@@ -58,6 +88,14 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 def parse_yaml(text: str, origin: str) -> dict[str, Any]:
     """The mapping that a YAML text holds; `origin` names it in errors."""
+    content = load_yaml(text, origin)
+    if not isinstance(content, dict):
+        raise ParameterError(f"{origin} must hold a mapping of names to values")
+    return content
+
+
+def load_yaml(text: str, origin: str) -> Any:
+    """What a YAML text holds; a number that is not finite, and too much of anything, raise `ParameterError`."""
     try:
         content = yaml.load(text, Loader=_StrictLoader)
     except ParameterError as error:
@@ -65,25 +103,42 @@ def parse_yaml(text: str, origin: str) -> dict[str, Any]:
     except _NO_YAML as error:
         sentence = " ".join(str(error).split())
         raise ParameterError(f"{origin} is not valid YAML: {sentence}") from error
-    if not isinstance(content, dict):
-        raise ParameterError(f"{origin} must hold a mapping of names to values")
-    try:
-        refuse_non_finite(content, origin)
-    except RecursionError as error:
-        raise ParameterError(f"{origin} has a block that holds itself: write it out") from error
+    refuse_non_finite(content, origin)
     return content
 
 
-def refuse_non_finite(value: Any, origin: str, path: str = "") -> None:
-    """Raise if any number below `value` is NaN or infinite."""
+def refuse_aliases(text: str, origin: str) -> None:
+    """Raise `ParameterError` for a text with aliases, which may be short and stand for very much."""
+    try:
+        found = any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=_StrictLoader))
+    except _NO_YAML:
+        return  # refused where it is loaded
+    if found:
+        raise ParameterError(f"{origin} has YAML aliases: write its values out")
+
+
+def refuse_non_finite(value: Any, origin: str, name: str = "") -> None:
+    """Raise if numbers in `value` are NaN or infinite, or if it is too large."""
+    wrong = []
+    for count, (path, item) in enumerate(_values(value, (name,) if name else ())):
+        if isinstance(item, float) and not math.isfinite(item):
+            place = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path)
+            wrong.append(f"{place.removeprefix('.')} in {origin} is {item}: write a finite number")
+        if count > _MOST_VALUES or len(path) > _DEEPEST:
+            raise ParameterError(f"{origin} has too many values, or blocks within blocks: write less into it")
+    if wrong:
+        raise ParameterError("; ".join(wrong))
+
+
+def _values(value: Any, path: tuple[Any, ...]) -> Iterator[tuple[tuple[Any, ...], Any]]:
+    """The value and all values in it, with the names and places that lead there."""
+    yield path, value
     if isinstance(value, dict):
         for key, item in value.items():
-            refuse_non_finite(item, origin, f"{path}.{key}" if path else str(key))
+            yield from _values(item, (*path, key))
     elif isinstance(value, list | tuple):
         for index, item in enumerate(value):
-            refuse_non_finite(item, origin, f"{path}[{index}]")
-    elif isinstance(value, float) and not math.isfinite(value):
-        raise ParameterError(f"{path} in {origin} is {value}: write a finite number")
+            yield from _values(item, (*path, index))
 
 
 def write_yaml(content: dict[str, Any]) -> str:

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages into an open MCAP file, with the counts and times that `metadata.yaml` needs."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple
 
+from mcap.records import Attachment, McapRecord, Metadata
 from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
 # LZ4 makes a recording four times smaller for 0.2 ms of the 1.6 ms of a flush, and every MCAP reader has it; zstd
 # takes 1 ms for another sixth.
 _COMPRESSION = CompressionType.LZ4
 _SEQUENCE_MASK = 2**32 - 1
+LAST_TIME_NS = 2**63 - 1  # of rosbag2, whose times have a sign
 
 
 class QueuedMessage(NamedTuple):
@@ -21,16 +24,22 @@ class QueuedMessage(NamedTuple):
     publish_time_ns: int
 
 
+class Definition(NamedTuple):
+    """A message type: its name and its definition, in the language `encoding`; all empty for a topic without one."""
+
+    type_name: str = ""
+    encoding: str = ""
+    data: bytes = b""
+
+
 @dataclass
 class StoredTopic:
-    """A topic of the bag; `qos_profiles` is `qos_profiles_yaml` parsed."""
+    """A topic of the bag; `metadata` is that of its channel, with rosbag2's type hash and QoS profiles."""
 
     name: str
-    type_name: str
-    schema_text: str
-    type_hash: str
-    qos_profiles_yaml: str
-    qos_profiles: list[dict[str, Any]]
+    definition: Definition
+    encoding: str
+    metadata: Mapping[str, str]
     message_count: int = 0
     mcap_channel: int = 0
 
@@ -43,19 +52,28 @@ class McapFile:
         self.log_span_ns: tuple[int, int] | None = None  # first and last log time, None without messages
         self._writer = Writer(file, compression=_COMPRESSION)
         self._registered = 0
-        self._schemas: dict[tuple[str, str], int] = {}
+        self._schemas: dict[Definition, int] = {Definition(): 0}
 
     def start(self) -> None:
         """Write the header."""
         self._writer.start(profile="ros2", library=f"skydiver_utc {LIBRARY_IDENTIFIER}")
         self._writer.flush()
 
-    def write(self, messages: list[QueuedMessage]) -> None:
+    def write(self, messages: Iterable[QueuedMessage]) -> None:
         """Write messages and flush; topics without messages are written too, for recovery."""
         self._register_topics()
         for message in messages:
             self._write_message(self.topics[message.channel_id - 1], message)
         self._writer.flush()
+
+    def add_record(self, record: McapRecord) -> None:
+        """Write an attachment or a metadata record; any other kind is the writer's own business."""
+        if isinstance(record, Attachment):
+            self._writer.add_attachment(
+                record.create_time, record.log_time, record.name, record.media_type, record.data
+            )
+        elif isinstance(record, Metadata):
+            self._writer.add_metadata(record.name, record.metadata)
 
     def finish(self) -> None:
         """Write the index and the footer."""
@@ -72,19 +90,22 @@ class McapFile:
             sequence=topic.message_count & _SEQUENCE_MASK,
         )
         topic.message_count += 1
-        first, last = self.log_span_ns or (log_time, log_time)
-        self.log_span_ns = (min(first, log_time), max(last, log_time))
+        self.log_span_ns = span_with(self.log_span_ns, log_time)
 
     def _register_topics(self) -> None:
         for topic in self.topics[self._registered :]:
-            key = (topic.type_name, topic.schema_text)
-            if key not in self._schemas:
-                text = topic.schema_text.encode()
-                self._schemas[key] = self._writer.register_schema(topic.type_name, "ros2msg", text)
+            schema = topic.definition
+            if schema not in self._schemas:
+                self._schemas[schema] = self._writer.register_schema(*schema)
             topic.mcap_channel = self._writer.register_channel(
-                topic.name,
-                "cdr",
-                self._schemas[key],
-                {"offered_qos_profiles": topic.qos_profiles_yaml, "topic_type_hash": topic.type_hash},
+                topic.name, topic.encoding, self._schemas[schema], dict(topic.metadata)
             )
             self._registered += 1
+
+
+def span_with(span_ns: tuple[int, int] | None, time_ns: int) -> tuple[int, int] | None:
+    """First and last time with another one; a time that rosbag2 does not know counts as none."""
+    if time_ns > LAST_TIME_NS:
+        return span_ns
+    first, last = span_ns or (time_ns, time_ns)
+    return min(first, time_ns), max(last, time_ns)

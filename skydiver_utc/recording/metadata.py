@@ -2,17 +2,19 @@
 """The `metadata.yaml` of a rosbag2 bag folder, version 9."""
 
 import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from skydiver_utc.parameters.errors import ParameterError
+from skydiver_utc.parameters.yaml_io import load_yaml
 from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.mcap_file import StoredTopic
 
 METADATA_FILE = "metadata.yaml"
+QOS_KEY, HASH_KEY = "offered_qos_profiles", "topic_type_hash"  # in the metadata of a channel
 _VERSION = 9
 _NO_MESSAGE_YET_NS = 2**63 - 1  # rosbag2's starting time of an empty bag
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}  # "infinite" in rmw
@@ -28,8 +30,8 @@ class _PlainDumper(yaml.SafeDumper):
 def parse_qos_profiles(text: str) -> list[dict[str, Any]]:
     """Offered QoS profiles from a YAML list of mappings (empty text: none)."""
     try:
-        profiles = yaml.safe_load(text) or []
-    except yaml.YAMLError as error:
+        profiles = load_yaml(text, "the QoS profiles") or []
+    except ParameterError as error:
         raise RecordingError("The QoS profiles are not YAML: give a list of mappings.") from error
     if not isinstance(profiles, list) or not all(isinstance(profile, dict) for profile in profiles):
         raise RecordingError("The QoS profiles are no list of mappings: give one mapping for each profile.")
@@ -52,10 +54,16 @@ def offered_qos(depth: int, reliability: str, durability: str) -> str:
     return yaml.dump([profile], Dumper=_PlainDumper, sort_keys=False)
 
 
-def metadata_yaml(mcap_name: str, topics: Sequence[StoredTopic], log_span_ns: tuple[int, int] | None) -> str:
+def metadata_yaml(
+    mcap_name: str,
+    topics: Sequence[StoredTopic],
+    log_span_ns: tuple[int, int] | None,
+    message_compression: str = "",
+) -> str:
     """The text of `metadata.yaml` for a bag of one file.
 
-    `log_span_ns` is the first and the last log time in ns, None for a bag without messages.
+    `log_span_ns` is the first and the last log time in ns, None for a bag without messages; `message_compression` is
+    the format in which each message is compressed by itself.
     """
     first, last = log_span_ns or (_NO_MESSAGE_YET_NS, _NO_MESSAGE_YET_NS)
     span = {
@@ -67,10 +75,10 @@ def metadata_yaml(mcap_name: str, topics: Sequence[StoredTopic], log_span_ns: tu
         "version": _VERSION,
         "storage_identifier": "mcap",
         **span,
-        "topics_with_message_count": [_topic_entry(topic) for topic in topics],
+        "topics_with_message_count": _topic_entries(topics),
         # These two are about compression by rosbag2 itself; chunks are compressed by the MCAP library.
-        "compression_format": "",
-        "compression_mode": "",
+        "compression_format": message_compression,
+        "compression_mode": "MESSAGE" if message_compression else "",
         "relative_file_paths": [mcap_name],
         "files": [{"path": mcap_name, **span}],
         "custom_data": None,
@@ -79,55 +87,55 @@ def metadata_yaml(mcap_name: str, topics: Sequence[StoredTopic], log_span_ns: tu
     return yaml.dump({"rosbag2_bagfile_information": information}, Dumper=_PlainDumper, sort_keys=False)
 
 
-def _topic_entry(topic: StoredTopic) -> dict[str, Any]:
-    return {
-        "topic_metadata": {
+def _topic_entries(topics: Sequence[StoredTopic]) -> list[dict[str, Any]]:
+    """One entry a name, whose channels may be several."""
+    entries: dict[str, dict[str, Any]] = {}
+    for topic in topics:
+        metadata = {
             "name": topic.name,
-            "type": topic.type_name,
-            "serialization_format": "cdr",
-            "offered_qos_profiles": topic.qos_profiles,
-            "type_description_hash": topic.type_hash,
-        },
-        "message_count": topic.message_count,
-    }
+            "type": topic.definition.type_name,
+            "serialization_format": topic.encoding,
+            "offered_qos_profiles": _profiles(topic),
+            "type_description_hash": topic.metadata.get(HASH_KEY, ""),
+        }
+        entry = entries.setdefault(topic.name, {"topic_metadata": metadata, "message_count": 0})
+        entry["message_count"] += topic.message_count
+    return list(entries.values())
 
 
-def write_atomically(path: Path, text: str) -> None:
-    """Write a text file; at no time is there an incomplete file of this name."""
-    draft = path.with_name(path.name + ".tmp")
-    with draft.open("w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    draft.replace(path)
+def _profiles(topic: StoredTopic) -> list[dict[str, Any]]:
+    """The offered QoS profiles, none where their text is damaged."""
+    try:
+        return parse_qos_profiles(topic.metadata.get(QOS_KEY, ""))
+    except RecordingError:
+        return []
 
 
 def mcap_files(folder: Path) -> list[Path]:
-    """The MCAP files of a bag folder in order: those in its metadata, without metadata every .mcap in it."""
-    if not (folder / METADATA_FILE).is_file():
-        return sorted(folder.glob("*.mcap"))
-    with _reading(folder) as information:
-        storage, names = information["storage_identifier"], information["relative_file_paths"]
-        files = [folder / Path(name).name for name in names]
-    if storage != "mcap":
+    """The MCAP files of a bag folder in order: those in its metadata, without usable metadata every .mcap in it."""
+    listed = _information(folder).get("relative_file_paths")
+    names = [Path(name).name for name in listed if isinstance(name, str)] if isinstance(listed, list) else []
+    files = [folder / name for name in dict.fromkeys(names) if name.endswith(".mcap")]
+    files = files or sorted(folder.glob("*.mcap"))
+    if not files and any(path.suffix in (".db3", ".zstd") for path in folder.iterdir()):
         raise RecordingError(
-            f"{folder} is a bag of {storage} files: convert it to mcap with `ros2 bag convert` and read that."
+            f"{folder} is a bag of other files than .mcap: convert it with `rosbags-convert --src {folder} --dst"
+            " FOLDER --dst-storage mcap`, which is installed with this package, and give that folder"
         )
     return files
 
 
-def message_count(folder: Path) -> int:
-    """Number of messages in a bag folder, from its metadata."""
-    with _reading(folder) as information:
-        return int(information["message_count"])
+def message_count(folder: Path) -> int | None:
+    """Number of messages in a bag folder from its metadata, None without usable ones."""
+    count = _information(folder).get("message_count")
+    return count if isinstance(count, int) else None
 
 
-@contextmanager
-def _reading(folder: Path) -> Iterator[Any]:
-    path = folder / METADATA_FILE
+def _information(folder: Path) -> dict[str, Any]:
+    """The content of `metadata.yaml`, empty where it cannot be used: everything in it is in the .mcap, too."""
     try:
-        yield yaml.safe_load(path.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
-    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
-        raise RecordingError(
-            f"{path} is not the metadata of a bag: remove it to read the .mcap beside it."
-        ) from error
+        content = load_yaml((folder / METADATA_FILE).read_text(encoding="utf-8"), METADATA_FILE)
+    except (OSError, UnicodeDecodeError, ParameterError):
+        return {}
+    found = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
+    return found if isinstance(found, dict) else {}

@@ -30,9 +30,7 @@ def in_order(topics: Mapping[str, RecordedTopic]) -> list[Item]:
     items = [
         (log_time, place, Item(topic.name, log_time, cdr))
         for topic in topics.values()
-        for log_time, place, cdr in zip(
-            topic.log_times_ns.tolist(), topic.places.tolist(), topic.cdr, strict=True
-        )
+        for log_time, place, cdr in zip(topic.log_times_ns.tolist(), topic.places, topic.cdr, strict=True)
     ]
     return [item for _, _, item in sorted(items, key=lambda one: one[:2])]
 

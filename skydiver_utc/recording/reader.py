@@ -5,23 +5,19 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from mcap.records import Channel, Schema, Statistics
-from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
-from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from skydiver_utc.recording.errors import RecordingError
-from skydiver_utc.recording.metadata import mcap_files
-from skydiver_utc.recording.records import DAMAGE, MAGIC, parts
+from skydiver_utc.recording.mcap_file import LAST_TIME_NS
+from skydiver_utc.recording.metadata import HASH_KEY, QOS_KEY, mcap_files
+from skydiver_utc.recording.records import DAMAGE, MAGIC, Damaged, parts, unpacked
 
 _ENCAPSULATION_LENGTH = 4
-
-Definitions = frozenset[tuple[str, str]]  # of (type name, ros2msg text)
 
 
 @dataclass(eq=False)
@@ -30,24 +26,36 @@ class RecordedTopic:
 
     name: str
     type_name: str
-    cdr: list[bytes]
-    log_times_ns: NDArray[np.int64]
-    publish_times_ns: NDArray[np.int64]
-    definitions: Definitions = field(repr=False)
+    definition: str = field(repr=False)  # ros2msg with all dependencies
     type_hash: str = ""  # RIHS01, empty if unknown
     qos_profiles_yaml: str = field(default="", repr=False)
-    # Places of the messages among all of the bag.
-    places: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64), repr=False)
+    cdr: list[bytes] = field(default_factory=list, repr=False)
+    times_ns: list[tuple[int, int]] = field(default_factory=list, repr=False)  # of log and publishing
+    places: list[int] = field(default_factory=list, repr=False)  # of the messages among all of the bag
+    left_out: int = 0  # messages of another type, with impossible times, or damaged by their compression
 
     def __len__(self) -> int:
         return len(self.cdr)
+
+    @property
+    def log_times_ns(self) -> NDArray[np.int64]:
+        """Log times (n,)."""
+        return np.array([log for log, _ in self.times_ns], dtype=np.int64)
+
+    @property
+    def publish_times_ns(self) -> NDArray[np.int64]:
+        """Publish times (n,)."""
+        return np.array([publish for _, publish in self.times_ns], dtype=np.int64)
 
     @property
     def messages(self) -> list[Any]:
         """The deserialized messages; bytes that do not fit the type raise `RecordingError`."""
         messages, error = self._decoded
         if error is not None:
-            raise self._unreadable(error) from error
+            raise RecordingError(
+                f"The messages of {self.name} do not fit the definition of {self.type_name} in the bag"
+                f" ({error}): leave this topic out, or record again."
+            ) from error
         return messages
 
     @property
@@ -55,28 +63,35 @@ class RecordedTopic:
         """The deserialized messages, None for each whose bytes do not fit the type."""
         return self._decoded[0]
 
+    def add(self, cdr: bytes, log_time: int, publish_time: int, place: int) -> None:
+        """Take in a message, or count it as left out."""
+        try:
+            if max(log_time, publish_time) > LAST_TIME_NS:
+                raise ValueError("a time is beyond the last one")
+            self.cdr.append(unpacked(cdr))
+        except DAMAGE:
+            self.left_out += 1
+            return
+        self.times_ns.append((log_time, publish_time))
+        self.places.append(place)
+
     @cached_property
     def _decoded(self) -> tuple[list[Any | None], Exception | None]:
         """The messages and the first error."""
+        # Definitions and bytes come from anywhere, and the parser of a definition raises what it happens to meet.
         try:
-            decode = _decoder(self.type_name, _typestore(self.definitions))
-        except (*DAMAGE, SerdeError, TypesysError) as error:
-            raise self._unreadable(error) from error
+            decode = _decoder(self.type_name, self.definition)
+        except Exception as error:
+            return [None] * len(self.cdr), error
         found: list[Any | None] = []
         first: Exception | None = None
         for cdr in self.cdr:
             try:
                 found.append(decode(cdr))
-            except (*DAMAGE, SerdeError) as error:
+            except Exception as error:
                 found.append(None)
                 first = first or error
         return found, first
-
-    def _unreadable(self, error: Exception) -> RecordingError:
-        return RecordingError(
-            f"The messages of {self.name} do not fit the definition of {self.type_name} in the bag"
-            f" ({error}): leave this topic out, or record again."
-        )
 
 
 def read_bag(path: Path | str, topics: Iterable[str] | None = None) -> dict[str, RecordedTopic]:
@@ -91,11 +106,14 @@ def read_bag(path: Path | str, topics: Iterable[str] | None = None) -> dict[str,
         contents.add(file)
     if contents.message_count == 0:
         raise RecordingError(f"{path} holds no messages: record the run again.")
-    recorded = contents.topics()
-    for missing in sorted((contents.wanted or set()) - recorded.keys()):
+    for name in sorted((contents.wanted or set()) - contents.topics.keys()):
+        if name in contents.topic_names:
+            raise RecordingError(
+                f"{name} in {path} holds no ROS 2 messages with a ros2msg definition: leave it out."
+            )
         available = ", ".join(sorted(contents.topic_names))
-        raise RecordingError(f"{path} has no topic {missing}: choose from {available}.")
-    return recorded
+        raise RecordingError(f"{path} has no topic {name}: choose from {available}.")
+    return contents.topics
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -111,132 +129,83 @@ def bag_files(path: Path) -> list[Path]:
     return files
 
 
-@dataclass
-class _Column:
-    """The messages of one topic while a bag is being read."""
-
-    type_name: str
-    type_hash: str
-    qos_profiles_yaml: str
-    log_times_ns: list[int] = field(default_factory=list)
-    publish_times_ns: list[int] = field(default_factory=list)
-    cdr: list[bytes] = field(default_factory=list)
-    places: list[int] = field(default_factory=list)
-
-
 class _Contents:
     """The wanted messages of the files read so far."""
 
     def __init__(self, wanted: set[str] | None) -> None:
         self.wanted = wanted
-        self.message_count = 0
+        self.topics: dict[str, RecordedTopic] = {}
         self.topic_names: set[str] = set()
-        self._columns: dict[str, _Column] = {}
-        self._definitions: set[tuple[str, str]] = set()
-
-    def topics(self) -> dict[str, RecordedTopic]:
-        definitions = frozenset(self._definitions)
-        return {
-            name: RecordedTopic(
-                name,
-                column.type_name,
-                column.cdr,
-                np.array(column.log_times_ns, dtype=np.int64),
-                np.array(column.publish_times_ns, dtype=np.int64),
-                definitions,
-                column.type_hash,
-                column.qos_profiles_yaml,
-                np.array(column.places, dtype=np.int64),
-            )
-            for name, column in self._columns.items()
-        }
+        self.message_count = 0
 
     def add(self, path: Path) -> None:
-        try:
-            with path.open("rb") as stream:
-                _check_whole(path, stream)
-                self._add_records(stream)
-        except OSError as error:
-            raise RecordingError(
-                f"{path} cannot be read ({error.strerror}): check its permissions."
-            ) from error
-        except DAMAGE as error:
-            raise RecordingError(
-                f"{path} is damaged ({error}): save the rest with `skydiver-utc recover {path}` and read that."
-            ) from error
-
-    def _add_records(self, stream: BinaryIO) -> None:
+        _check_whole(path)
         # Schemas and channels stand before their first message and again at the end of the file.
         schemas: dict[int, Schema] = {}
-        columns: dict[int, _Column | None] = {}
-        found = 0
-        for record in StreamReader(stream, emit_chunks=True).records:
-            for part in parts(record):
-                if isinstance(part, tuple):
-                    channel_id, log_time, publish_time, cdr = part
-                    found += 1
-                    column = columns[channel_id]
-                    if column is not None:
-                        column.log_times_ns.append(log_time)
-                        column.publish_times_ns.append(publish_time)
-                        column.cdr.append(cdr)
-                        column.places.append(self.message_count + found)
-                elif isinstance(part, Schema):
-                    schemas[part.id] = part
-                elif isinstance(part, Channel) and part.id not in columns:
-                    columns[part.id] = self._column(part, schemas.get(part.schema_id))
-                elif isinstance(part, Statistics) and part.message_count != found:
-                    raise ValueError(f"{found} of {part.message_count} messages found")
-        self.message_count += found
+        channels: dict[int, str] = {}
+        readable: dict[int, RecordedTopic] = {}
+        before = self.message_count
+        for part in parts(path):
+            if isinstance(part, tuple) and not isinstance(part, Damaged):
+                channel_id, log_time, publish_time, cdr = part
+                self.message_count += 1
+                if channel_id in readable:
+                    readable[channel_id].add(cdr, log_time, publish_time, self.message_count)
+                elif (topic := self.topics.get(channels.get(channel_id, ""))) is not None:
+                    topic.left_out += 1
+            elif isinstance(part, Schema):
+                schemas[part.id] = part
+            elif isinstance(part, Channel) and part.id not in channels:
+                channels[part.id] = part.topic
+                self.topic_names.add(part.topic)
+                if (topic := self._topic(part, schemas.get(part.schema_id))) is not None:
+                    readable[part.id] = topic
+            elif isinstance(part, Damaged):
+                raise _damaged(path, part.reason)
+            elif isinstance(part, Statistics) and part.message_count != self.message_count - before:
+                raise _damaged(path, f"{self.message_count - before} of {part.message_count} messages found")
 
-    def _column(self, channel: Channel, schema: Schema | None) -> _Column | None:
-        """The column of a channel; None if its topic is not wanted."""
-        self.topic_names.add(channel.topic)
-        if self.wanted is not None and channel.topic not in self.wanted:
+    def _topic(self, channel: Channel, schema: Schema | None) -> RecordedTopic | None:
+        """The topic of a channel; None if it is not wanted or its messages are not those of a ROS 2 topic."""
+        wanted = self.wanted is None or channel.topic in self.wanted
+        if not wanted or schema is None or (schema.encoding, channel.message_encoding) != ("ros2msg", "cdr"):
             return None
-        if schema is None or schema.encoding != "ros2msg" or channel.message_encoding != "cdr":
-            raise RecordingError(
-                f"The topic {channel.topic} is not a ROS 2 message with a ros2msg definition: choose topics"
-                " without it."
-            )
-        self._definitions.add((schema.name, schema.data.decode()))
         metadata = channel.metadata
-        new = _Column(
-            schema.name, metadata.get("topic_type_hash", ""), metadata.get("offered_qos_profiles", "")
+        new = RecordedTopic(
+            channel.topic,
+            schema.name,
+            schema.data.decode(errors="replace"),
+            metadata.get(HASH_KEY, ""),
+            metadata.get(QOS_KEY, ""),
         )
-        column = self._columns.setdefault(channel.topic, new)
-        if column.type_name != schema.name:
-            raise RecordingError(
-                f"The topic {channel.topic} has two types, {column.type_name} and {schema.name}: choose topics"
-                " without it."
-            )
-        return column
+        topic = self.topics.setdefault(channel.topic, new)
+        return topic if (topic.type_name, topic.definition) == (new.type_name, new.definition) else None
 
 
-def _check_whole(path: Path, stream: BinaryIO) -> None:
-    """Raise `RecordingError` unless the file begins and ends as an MCAP file."""
-    if stream.read(len(MAGIC)) != MAGIC:
-        raise RecordingError(f"{path} is not an MCAP file: give the folder of a recording or its .mcap file.")
-    size = path.stat().st_size
-    stream.seek(max(size - len(MAGIC), len(MAGIC)))
-    if stream.read() != MAGIC:
+def _damaged(path: Path, reason: str) -> RecordingError:
+    return RecordingError(
+        f"{path} is damaged ({reason}): save the rest with `skydiver-utc recover {path}` and read that."
+    )
+
+
+def _check_whole(path: Path) -> None:
+    """Raise `RecordingError` if an MCAP file has no end."""
+    first = next(parts(path), None)  # what is no MCAP file is refused
+    with path.open("rb") as stream:
+        stream.seek(max(path.stat().st_size - len(MAGIC), len(MAGIC)))
+        whole = stream.read() == MAGIC
+    if first is None or not whole:
         raise RecordingError(
             f"{path} has no end, it is still being recorded or its recorder was killed: save its messages"
             f" with `skydiver-utc recover {path}` and read that."
         )
-    stream.seek(0)
 
 
-@lru_cache(maxsize=8)
-def _typestore(definitions: Definitions) -> Typestore:
-    """The types defined in a bag; cached, because building the decoders takes 0.2 s."""
+@lru_cache(maxsize=64)
+def _decoder(type_name: str, text: str) -> Callable[[bytes], Any]:
+    """What deserializes messages of a type with this definition; cached, because building it takes 0.1 s."""
     store = get_typestore(Stores.EMPTY)
-    for type_name, text in sorted(definitions):
-        store.register(get_types_from_msg(text, type_name))
-    return store
-
-
-def _decoder(type_name: str, store: Typestore) -> Callable[[bytes], Any]:
+    store.register(get_types_from_msg(text, type_name))
     # store.deserialize_cdr refuses the padding that rclpy.serialization leaves at the end of some messages.
     definition = store.get_msgdef(type_name)
 

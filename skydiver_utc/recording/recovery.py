@@ -6,27 +6,22 @@ checksum: a damaged one is left out.
 """
 
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.records import Channel, Schema, Statistics
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, McapRecord, Schema, Statistics
 
+from skydiver_utc.parameters.files import new_folder, write_file
 from skydiver_utc.recording.errors import RecordingError
-from skydiver_utc.recording.metadata import METADATA_FILE, message_count
+from skydiver_utc.recording.mcap_file import Definition, McapFile, QueuedMessage, StoredTopic, span_with
+from skydiver_utc.recording.metadata import METADATA_FILE, message_count, metadata_yaml
 from skydiver_utc.recording.reader import bag_files
-from skydiver_utc.recording.records import DAMAGE, MAGIC, RECORD_HEADER, RawMessage, parts
-from skydiver_utc.recording.writer import BagWriter
+from skydiver_utc.recording.records import Damaged, is_compressed, parts, records
 
-_OPCODES = frozenset(int(opcode) for opcode in Opcode)
-# Records with messages or their topics; the others are indexes.
-_CONTENTS = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.STATISTICS})
-_FIRST_PRIVATE_OPCODE = 0x80
+_BATCH = 1000  # messages that are written at once
 
 
 class Loss(NamedTuple):
@@ -55,20 +50,13 @@ class Survey:
         return sum(self.counts.values())
 
 
-class _Damaged(NamedTuple):
-    """A run of bytes without a readable record."""
-
-    byte_count: int
-
-
 class _Topic(NamedTuple):
-    """The arguments of `BagWriter.add_topic`."""
+    """What a channel of a file says of its messages."""
 
     name: str
-    type_name: str
-    schema_text: str
-    type_hash: str
-    qos_profiles_yaml: str
+    definition: Definition
+    encoding: str
+    metadata: tuple[tuple[str, str], ...]
 
 
 def survey(path: Path) -> Survey:
@@ -77,42 +65,64 @@ def survey(path: Path) -> Survey:
     for file in bag_files(path):
         _survey_file(file, found)
     if not found.losses and found.lost_messages == 0:
-        counted = path.is_file() or _metadata_counts(path, found.message_count)
+        counted = path.is_file() or message_count(path) == found.message_count
         found.whole = counted and _indexed_counts(path) == found.counts
     return found
 
 
-def recover(path: Path, folder: Path) -> Survey:
+def recover(path: Path, folder: Path, beside: dict[str, str] | None = None) -> Survey:
     """Write every readable message of `path` into a new bag `folder`; returns the survey of `path`.
 
-    Messages keep their order, bytes and times. A folder that exists, and a recording without a readable message,
-    raise `RecordingError`.
+    Messages keep their order, bytes and times; attachments and metadata records are kept, too. `beside`: further
+    files of the folder, names and texts. A folder that exists, and a recording without a readable message, raise
+    `RecordingError`; after any error there is no folder.
     """
     found = survey(path)
     if found.message_count == 0:
         raise RecordingError(f"{path} holds no message that can be read: record the run again.")
-    with BagWriter(folder) as bag:
-        channels: dict[str, int] = {}
-        for file in bag_files(path):
-            topics = _topics(file)
-            for topic in topics.values():
-                if topic.name not in channels:
-                    channels[topic.name] = bag.add_topic(*topic)
-            for part in _readable_parts(file):
-                if isinstance(part, _Damaged) or not isinstance(part, tuple):
-                    continue
-                channel_id, log_time, publish_time, cdr = part
-                if channel_id in topics:
-                    bag.write(channels[topics[channel_id].name], cdr, log_time, publish_time)
+    if folder.exists() or folder.is_symlink():
+        raise RecordingError(f"{folder} exists already: choose another name, or move the old one away.")
+    with new_folder(folder) as draft:
+        name = f"{folder.name}_0.mcap"
+        with (draft / name).open("xb") as stream:
+            mcap = McapFile(stream)
+            mcap.start()
+            compressed = sum([_copy(file, mcap) for file in bag_files(path)])
+            mcap.finish()
+        write_file(
+            draft / METADATA_FILE,
+            metadata_yaml(name, mcap.topics, mcap.log_span_ns, "zstd" if compressed else ""),
+        )
+        for other, text in (beside or {}).items():
+            write_file(draft / other, text)
     return found
 
 
-def _metadata_counts(folder: Path, count: int) -> bool:
-    """True if the folder has metadata with this number of messages."""
-    try:
-        return (folder / METADATA_FILE).is_file() and message_count(folder) == count
-    except RecordingError:
-        return False
+def _copy(file: Path, mcap: McapFile) -> int:
+    """Copy the readable records; returns how many messages are compressed by themselves."""
+    topics, places = _topics(file), {_of_stored(topic): i for i, topic in enumerate(mcap.topics, 1)}
+    batch: list[QueuedMessage] = []
+    compressed = 0
+    for topic in topics.values():
+        if topic not in places:
+            mcap.topics.append(StoredTopic(*topic[:3], dict(topic.metadata)))
+            places[topic] = len(mcap.topics)
+    for part in parts(file):
+        if isinstance(part, McapRecord):
+            mcap.add_record(part)
+        elif not isinstance(part, Damaged) and part[0] in topics:
+            channel_id, log_time, publish_time, data = part
+            batch.append(QueuedMessage(places[topics[channel_id]], data, log_time, publish_time))
+            compressed += is_compressed(data)
+            if len(batch) == _BATCH:
+                mcap.write(batch)
+                batch.clear()
+    mcap.write(batch)
+    return compressed
+
+
+def _of_stored(topic: StoredTopic) -> _Topic:
+    return _Topic(topic.name, topic.definition, topic.encoding, tuple(topic.metadata.items()))
 
 
 def _indexed_counts(path: Path) -> Counter[str]:
@@ -120,13 +130,18 @@ def _indexed_counts(path: Path) -> Counter[str]:
     counts: Counter[str] = Counter()
     for file in bag_files(path):
         topics = _topics(file)
+        chunks = {offset for offset, opcode, _ in records(file) if opcode == Opcode.CHUNK}
         with file.open("rb") as stream:
+            # The library raises whatever a wrong index leads it to.
             try:
+                summary = make_reader(stream).get_summary()
+                if summary is None or {i.chunk_start_offset for i in summary.chunk_indexes} != chunks:
+                    return Counter()
                 for schema, channel, _ in make_reader(stream).iter_messages(log_time_order=False):
                     if _topic(channel, schema) != topics.get(channel.id):
                         return Counter()
                     counts[channel.topic] += 1
-            except (*DAMAGE, OSError, RecordingError):  # OSError: a wrong offset
+            except Exception:
                 return Counter()
     return counts
 
@@ -137,23 +152,22 @@ def _survey_file(file: Path, found: Survey) -> None:
     unreadable = 0  # bytes since the newest message
     counted: int | None = None  # messages according to the end of the file
     count = 0
-    for part in _readable_parts(file):
-        if isinstance(part, _Damaged):
-            unreadable += part.byte_count
-        elif isinstance(part, Statistics):
+    for part in parts(file):
+        if isinstance(part, Statistics):
             counted = part.message_count
-        elif isinstance(part, tuple):
-            channel_id, log_time, _, cdr = part
+        elif isinstance(part, Damaged):
+            unreadable += part.byte_count
+        elif not isinstance(part, McapRecord):
+            channel_id, log_time, _, data = part
             if channel_id not in topics:
-                unreadable += len(cdr)
+                unreadable += len(data)
                 continue
             if unreadable:
                 found.losses.append(Loss(file.name, unreadable, newest, log_time))
                 unreadable = 0
             count += 1
             newest = log_time
-            first, last = found.log_span_ns or (log_time, log_time)
-            found.log_span_ns = (min(first, log_time), max(last, log_time))
+            found.log_span_ns = span_with(found.log_span_ns, log_time)
             found.counts[topics[channel_id].name] += 1
     if unreadable:
         found.losses.append(Loss(file.name, unreadable, newest, None))
@@ -165,9 +179,9 @@ def _survey_file(file: Path, found: Survey) -> None:
 
 def _topics(file: Path) -> dict[int, _Topic]:
     """Topics by channel id, each from its first record, which is in a chunk and so has a checksum."""
-    schemas: dict[int, Any] = {}
-    channels: dict[int, Any] = {}
-    for part in _readable_parts(file):
+    schemas: dict[int, Schema | None] = {0: None}
+    channels: dict[int, Channel] = {}
+    for part in parts(file):
         if isinstance(part, Schema):
             schemas.setdefault(part.id, part)
         elif isinstance(part, Channel):
@@ -177,53 +191,6 @@ def _topics(file: Path) -> dict[int, _Topic]:
     }
 
 
-def _topic(channel: Any, schema: Any) -> _Topic:
-    if schema.encoding != "ros2msg" or channel.message_encoding != "cdr":
-        raise RecordingError(
-            f"The topic {channel.topic} is not a ROS 2 message with a ros2msg definition: this recording comes from"
-            " another program, use `mcap recover` (https://mcap.dev)."
-        )
-    metadata = channel.metadata
-    return _Topic(
-        channel.topic,
-        schema.name,
-        schema.data.decode(),
-        metadata.get("topic_type_hash", ""),
-        metadata.get("offered_qos_profiles", ""),
-    )
-
-
-def _readable_parts(file: Path) -> Iterator[Any | RawMessage | _Damaged]:
-    """Every readable record, of complete chunks only, with a `_Damaged` for the bytes between."""
-    try:
-        with file.open("rb") as stream:
-            if stream.read(len(MAGIC)) != MAGIC:
-                raise RecordingError(f"{file} is not an MCAP file: give the folder of a recording.")
-            size = file.stat().st_size
-            while True:
-                begin = stream.tell()
-                header = stream.read(RECORD_HEADER.size)
-                if header in (MAGIC, b""):
-                    return
-                if len(header) < RECORD_HEADER.size:
-                    yield _Damaged(size - begin)
-                    return
-                opcode, length = RECORD_HEADER.unpack(header)
-                if length > size - stream.tell():
-                    yield _Damaged(size - begin)
-                    return
-                yield from _parts_of(opcode, header + stream.read(length))
-    except OSError as error:
-        raise RecordingError(f"{file} cannot be read ({error.strerror}): check its permissions.") from error
-
-
-def _parts_of(opcode: int, record: bytes) -> list[Any | RawMessage | _Damaged]:
-    """The parts of one record; one `_Damaged` if any of it is damaged."""
-    if opcode not in _CONTENTS:
-        unknown = opcode not in _OPCODES and opcode < _FIRST_PRIVATE_OPCODE
-        return [_Damaged(len(record))] if unknown else []
-    try:
-        reader = StreamReader(BytesIO(record), skip_magic=True, emit_chunks=True)
-        return list(parts(next(reader.records)))
-    except DAMAGE:
-        return [_Damaged(len(record))]
+def _topic(channel: Channel, schema: Schema | None) -> _Topic:
+    definition = Definition() if schema is None else Definition(schema.name, schema.encoding, schema.data)
+    return _Topic(channel.topic, definition, channel.message_encoding, tuple(channel.metadata.items()))

@@ -13,9 +13,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
 
+from skydiver_utc.parameters.files import write_file
 from skydiver_utc.recording.errors import RecordingError
-from skydiver_utc.recording.mcap_file import McapFile, QueuedMessage, StoredTopic
-from skydiver_utc.recording.metadata import METADATA_FILE, metadata_yaml, parse_qos_profiles, write_atomically
+from skydiver_utc.recording.mcap_file import Definition, McapFile, QueuedMessage, StoredTopic
+from skydiver_utc.recording.metadata import (
+    HASH_KEY,
+    METADATA_FILE,
+    QOS_KEY,
+    metadata_yaml,
+    parse_qos_profiles,
+)
 
 
 class BagWriter:
@@ -67,10 +74,10 @@ class BagWriter:
         `qos_profiles_yaml` is a YAML list of offered profiles in rosbag2's form.
         """
         self._check_open()
-        profiles = parse_qos_profiles(qos_profiles_yaml)
-        self._mcap.topics.append(
-            StoredTopic(topic, type_name, schema_text, type_hash, qos_profiles_yaml, profiles)
-        )
+        parse_qos_profiles(qos_profiles_yaml)
+        metadata = {QOS_KEY: qos_profiles_yaml, HASH_KEY: type_hash}
+        definition = Definition(type_name, "ros2msg", schema_text.encode())
+        self._mcap.topics.append(StoredTopic(topic, definition, "cdr", metadata))
         return len(self._mcap.topics)
 
     def write(self, channel_id: int, cdr: bytes, log_time_ns: int, publish_time_ns: int) -> bool:
@@ -138,7 +145,7 @@ class BagWriter:
                 self._stream.flush()
                 os.fsync(self._stream.fileno())
             text = metadata_yaml(self.mcap_path.name, self._mcap.topics, self._mcap.log_span_ns)
-            write_atomically(self.folder / METADATA_FILE, text)
+            write_file(self.folder / METADATA_FILE, text)
         except Exception as error:  # raised in the caller's thread by its next call
             self._failure = error
 

@@ -5,7 +5,10 @@
 import array
 import math
 import os
+import re
 import struct
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -295,7 +298,7 @@ def test_big_endian_messages(tmp_path):
     assert leading_stamp_ns(swapped) == 7_000_000_009
 
 
-@pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.STORAGE])
+@pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.STORAGE, CompressionMode.MESSAGE])
 def test_bags_of_rosbags(tmp_path, mode):
     store = get_typestore(Stores.ROS2_JAZZY)
     clock = serialization.serialize_message(Clock(clock=Time(sec=5)))
@@ -335,7 +338,8 @@ def test_files_of_other_writers(tmp_path, options):
 
 def test_definition_that_is_not_ros2msg(tmp_path):
     path = foreign_file(tmp_path / "file.mcap", encoding="ros2idl")
-    refused("/other", path)
+    refused("/other", path, ["/other"])
+    assert list(read_bag(path)) == ["/clock"]
     assert len(read_bag(path, ["/clock"])["/clock"].messages) == 1
 
 
@@ -394,22 +398,32 @@ def test_what_is_not_a_bag(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    "text",
     [
-        *(
-            (text, "metadata")
-            for text in ("", "just text", "rosbag2_bagfile_information: 3", "[unclosed", "{a: 1}")
-        ),
-        (
-            "rosbag2_bagfile_information: {storage_identifier: sqlite3, relative_file_paths: [bag_0.db3]}",
-            "ros2 bag convert",
-        ),
+        *("", "just text", "rosbag2_bagfile_information: 3", "[unclosed", "{a: 1}", "a: " + "[" * 3000),
+        "rosbag2_bagfile_information: {storage_identifier: '', relative_file_paths: [1, bag_0.db3]}",
+        "rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: [../x/flight_0.mcap]}",
     ],
+    ids=lambda text: text[:40],
 )
-def test_metadata_of_no_mcap_bag(bag, tmp_path, text, words):
+def test_metadata_that_cannot_be_used_do_not_hide_the_file_beside_them(bag, tmp_path, text):
     (tmp_path / "flight_0.mcap").write_bytes((bag / "flight_0.mcap").read_bytes())
     (tmp_path / "metadata.yaml").write_text(text)
-    refused(words, tmp_path)
+    assert read_bag(tmp_path).keys() == read_bag(bag).keys()
+
+
+def test_a_bag_of_another_storage_names_an_installed_converter(tmp_path):
+    """And that program makes a bag that is read."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with RosbagsWriter(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3) as other:
+        connection = other.add_connection("/clock", "rosgraph_msgs/msg/Clock", typestore=store)
+        other.write(connection, 42, serialization.serialize_message(Clock(clock=Time(sec=5))))
+    with pytest.raises(RecordingError) as error:
+        read_bag(tmp_path / "bag")
+    (command,) = re.findall("`([^`]*)`", sentence(error))
+    words = command.replace("FOLDER", str(tmp_path / "other")).split()
+    subprocess.run([Path(sys.executable).with_name(words[0]), *words[1:]], check=True)
+    assert read_bag(tmp_path / "other")["/clock"].messages[0].clock.sec == 5
 
 
 def test_topics_without_messages(tmp_path):
@@ -465,7 +479,7 @@ def test_several_chunks_keep_the_order_and_a_lost_one_is_refused(tmp_path):
     data = bytearray(writer.mcap_path.read_bytes())
     data[chunk.chunk_start_offset] = 0x7F  # a record of a kind that nobody knows, to be skipped
     writer.mcap_path.write_bytes(data)
-    refused("of 20000 messages", tmp_path / "bag")
+    refused("skydiver-utc recover", tmp_path / "bag")
 
 
 def test_registered_types_do_not_leak_between_bags(tmp_path):
