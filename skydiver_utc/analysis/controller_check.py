@@ -36,6 +36,7 @@ class Check:
     reference_added: int
     in_real_time: bool
     reference_revised: int = 0  # steps that a live reference gave other values later on: those are used
+    hole_at_step: int | None = None  # where the recording lacks steps: what follows is not checked
 
     @property
     def differs(self) -> NDArray[np.bool_]:
@@ -61,10 +62,13 @@ def check(recording: RecordedRun, instead: Callable[[Scenario], Scenario] = lamb
 
     The states are the recorded ones, whatever the commands: another controller does not fly here. Its memory is
     its own from the first step on; where the recorded controller was restarted or got other parameters, so does
-    this one. A recording that lacks the beginning is checked from the controller's first restart on, where its
-    memory is known; `AnalysisError` without one.
+    this one. A recording that lacks steps within is checked up to there, one that lacks the beginning from the
+    controller's first restart on, where its memory is known; `AnalysisError` without one.
     """
     run = _with_known_memory(recording.run())
+    hole_at_step = run.holes[0][0] if run.holes else None
+    if hole_at_step is not None:
+        run = run.until(hole_at_step)
     if len(run.commands) == 0:
         raise AnalysisError(
             "the recording has no whole step, so there is nothing to check: record the run again"
@@ -73,7 +77,7 @@ def check(recording: RecordedRun, instead: Callable[[Scenario], Scenario] = lamb
     ahead = max(stretch.decider.controller.preview_steps for stretch in stretches)
     reference, added = _reference(recording, run, ahead)
     commands = decide_at(stretches, run.states, run.applied, reference)
-    return Check(run, commands, added, recording.in_real_time, recording.reference_revised)
+    return Check(run, commands, added, recording.in_real_time, recording.reference_revised, hole_at_step)
 
 
 def _with_known_memory(run: Run) -> Run:
@@ -140,6 +144,7 @@ def report(found: Check) -> dict[str, Any]:
         "equal": found.equal,
         "first_step": run.first_step,
         "steps": len(error),
+        "hole_at_step": found.hole_at_step,
         "different_steps": int(found.differs.any(axis=1).sum()),
         "first_difference": first
         and {

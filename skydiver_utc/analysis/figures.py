@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from skydiver_utc.analysis.labels import at_the_latest
+from skydiver_utc.analysis.labels import at_the_latest, missing
 from skydiver_utc.analysis.metrics import CONVERGED_SHARE, metrics
 from skydiver_utc.analysis.numbers import SETTLING_S, row_from
 from skydiver_utc.analysis.skydiver import angle_turned_deg, is_skydiver
@@ -59,6 +59,8 @@ def tracking_figure(run: Run) -> Figure:
         for axes, (_, draw) in zip(rows, panels, strict=True):
             draw(axes)
             axes.yaxis.set_label_coords(-0.085, 0.5)
+            for hole in values["holes_s"]:
+                axes.axvspan(*hole, color=GREY, alpha=0.35, linewidth=1.0)
         rows[controls].legend(loc="lower right", bbox_to_anchor=(1.0, 0.96), ncols=2, borderaxespad=0.0)
         rows[-1].set_xlabel("time [s]")
         begin, end = float(run.time_s[0]), float(run.time_s[-1])
@@ -100,8 +102,7 @@ def _draw_title(figure: Figure, run: Run, values: dict[str, Any]) -> None:
     fine = run.outcome is Outcome.COMPLETED
     line = textwrap.shorten("   |   ".join(facts), width=150, placeholder=" ...", drop_whitespace=False)
     figure.text(0.02, 1.0 - 0.42 / inches, line, va="top", color=GREY if fine else VERMILLION)
-    lacks = f"recorded from {values['begins_at_s']:.2f} s on" if values["missing_steps"] else ""
-    remarks = "; ".join(filter(None, (lacks, "" if fine else run.reason)))
+    remarks = "; ".join(filter(None, (missing(values), "" if fine else run.reason)))
     shortened = textwrap.shorten(remarks, width=105, placeholder=" ...")
     figure.text(0.02, 1.0 - 0.61 / inches, shortened, va="top", fontsize=8.5, color=VERMILLION)
 
@@ -158,7 +159,7 @@ def _draw_error(axes: Axes, run: Run, j: int) -> None:
 def _draw_angle(axes: Axes, run: Run) -> None:
     """The angle turned, with the wanted one and how far the end is from it."""
     reference, turned = run.scenario.reference, angle_turned_deg(run)
-    if isinstance(reference, Rotation) and run.first_step == 0:
+    if isinstance(reference, Rotation) and run.first_step == 0 and not run.holes:
         wanted = reference.angle_deg
         axes.axhline(wanted, color=ORANGE, linewidth=4.5, alpha=0.75)
         axes.text(

@@ -26,6 +26,7 @@ _ROWS = (
     ("simulated_time_s", "simulated time", "s", ".2f"),
     ("wall_time_s", "wall time", "s", ".2f"),
 )
+_MOST_HOLES = 3  # that are listed
 _SINCE_WHEN = ("convergence_time_s", "facing_since_s")
 _OF_ROTATION = ("rmse_rotating_deg_s", "angle_error_deg", "overshoot_deg")
 
@@ -57,11 +58,12 @@ def rows(values: dict[str, Any]) -> list[Row]:
 
 
 def missing(values: dict[str, Any]) -> str:
-    """A sentence on the steps that a recording lacks at its beginning; empty where it lacks none."""
-    if not values["missing_steps"]:
-        return ""
-    steps = f"steps 0 to {values['missing_steps'] - 1} are" if values["missing_steps"] > 1 else "step 0 is"
-    return f"{steps} not in the recording, it begins at {values['begins_at_s']:.3f} s: the figures are of the rest"
+    """A sentence on the steps that a recording lacks at its beginning or within; empty where it lacks none."""
+    steps, holes = values["missing_steps"], values["holes_s"]
+    lacks = [f"0 to {steps - 1}, before {values['begins_at_s']:.3f} s"] if steps else []
+    lacks += [f"from {begin:.3f} to {end:.3f} s" for begin, end in holes[:_MOST_HOLES]]
+    lacks += [f"in {len(holes) - _MOST_HOLES} other stretches"] if len(holes) > _MOST_HOLES else []
+    return f"the recording lacks steps {', '.join(lacks)}: the figures are of the rest" if lacks else ""
 
 
 def reference_added(steps: int) -> str:
@@ -71,9 +73,11 @@ def reference_added(steps: int) -> str:
 
 
 def at_the_latest(values: dict[str, Any], name: str, value: object) -> str:
-    """Words behind the label of a time that may lie before what was recorded."""
-    in_doubt = name in _SINCE_WHEN and values["missing_steps"] and value == values["begins_at_s"]
-    return " (at the latest)" if in_doubt else ""
+    """Words behind the label of a time that may lie within what was not recorded."""
+    after = {end for _, end in values["holes_s"]} | (
+        {values["begins_at_s"]} if values["missing_steps"] else set()
+    )
+    return " (at the latest)" if name in _SINCE_WHEN and value in after else ""
 
 
 def _change(change: dict[str, Any]) -> Row:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.analysis.numbers import finite, largest, root_mean_square, settled, time_of
+from skydiver_utc.analysis.numbers import finite, largest, recorded, root_mean_square, settled, time_of
 from skydiver_utc.analysis.skydiver import skydiver_metrics
 from skydiver_utc.loop.outcome import REACHED_THE_END
 from skydiver_utc.loop.run import Run
@@ -45,6 +45,9 @@ def metrics(run: Run) -> dict[str, Any]:
         steps in which sigma points diverged, and the largest number in one of them.
     missing_steps, begins_at_s
         steps that a recording lacks before its first one, and the time of that; 0 for a whole run.
+    holes_s
+        of each stretch of steps that a recording lacks within: the first of them, and the first that is there again;
+        figures are of the others.
     parameter_changes
         node, step, time and parameters of each change during the run. The band of convergence and the effort's
         range are those of the scenario at the start.
@@ -78,6 +81,10 @@ def metrics(run: Run) -> dict[str, Any]:
         "simulated_time_s": time_of(run, len(run.states) - 1),
         "missing_steps": run.first_step,
         "begins_at_s": time_of(run, 0),
+        "holes_s": [
+            [time_of(run, begin - run.first_step), time_of(run, end + 1 - run.first_step)]
+            for begin, end in run.holes
+        ],
         "parameter_changes": [
             {
                 "node": change.node,
@@ -122,10 +129,9 @@ def control_effort(run: Run) -> float | None:
     """Time mean of the squared, range-scaled distance of the applied controls from the initial ones."""
     span = run.plant.maximum - run.plant.minimum
     limited = np.isfinite(span)
-    if not len(run.applied):
-        return None
     distance = (run.applied - run.plant.initial_control())[:, limited] / span[limited]
-    return finite(float(np.mean(np.sum(np.square(distance), axis=1))))
+    effort = np.sum(np.square(distance), axis=1)[recorded(run)[:-1]]
+    return finite(float(np.mean(effort))) if len(effort) else None
 
 
 def _degrees(radians: float | None) -> float | None:

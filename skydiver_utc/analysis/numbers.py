@@ -16,10 +16,19 @@ SETTLING_S = 2.0
 Floats = NDArray[np.float64]
 
 
-def settled(run: Run) -> slice:
+def settled(run: Run) -> NDArray[np.bool_]:
     """The rows whose errors count: from 2 s on, none of a diverged run."""
-    end = len(run.states)
-    return slice(end if run.outcome is Outcome.DIVERGED else row_from(SETTLING_S, run), end)
+    rows = recorded(run)
+    rows[: len(rows) if run.outcome is Outcome.DIVERGED else row_from(SETTLING_S, run)] = False
+    return rows
+
+
+def recorded(run: Run) -> NDArray[np.bool_]:
+    """The rows outside of the holes of a recording."""
+    rows = np.ones(len(run.states), np.bool_)
+    for begin, end in run.holes:
+        rows[begin - run.first_step : end - run.first_step + 1] = False
+    return rows
 
 
 def row_from(time_s: float, run: Run) -> int:

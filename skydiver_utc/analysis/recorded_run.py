@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.errors import AnalysisError
-from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows
+from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows, stretches
 from skydiver_utc.loop.outcome import REACHED_THE_END, Outcome
 from skydiver_utc.loop.registry import build_plant, build_reference
 from skydiver_utc.loop.run import ParameterChange, Run
@@ -41,11 +41,11 @@ def read_run(path: Path | str) -> Run:
 
     Nothing but the bag is read. A run that ended early has the steps up to its last complete one; a bag without
     an outcome gives outcome aborted and an unknown (NaN) wall time. A recorder that was started during the run
-    gives the steps from the first complete one on (`Run.first_step`). A step missing in between raises
-    `AnalysisError`, a path that is no bag `RecordingError`. Steps of the reference that are not recorded are
-    those of the recorded scenario (`RecordedRun.reference_added`). Messages that cannot be used are left out
-    (`RecordedRun.ignored`). Telemetry is optional: a step without it is NaN. In real time a step without a
-    command has the one before.
+    gives the steps from the first complete one on (`Run.first_step`). Steps missing in between are NaN
+    (`Run.holes`). A run without a step raises `AnalysisError`, a path that is no bag `RecordingError`. Steps of the
+    reference that are not recorded are those of the recorded scenario (`RecordedRun.reference_added`). Messages that
+    cannot be used are left out (`RecordedRun.ignored`). Telemetry is optional: a step without it is NaN. In real time
+    a step without a command has the one before.
     """
     return RecordedRun(Path(path)).run()
 
@@ -79,9 +79,12 @@ class RecordedRun:
         end = self.scenario.steps
         if outcome not in REACHED_THE_END:
             end = max(first, min(states.last, commands.last + 1, applied.last + 1))
-        self._refuse_gaps("state", states, first, end + 1)
-        self._refuse_gaps("command", commands, first, end)
-        self._refuse_gaps("applied_command", applied, first, end)
+        self._refuse_none("state", states)
+        if end > first:
+            self._refuse_none("command", commands)
+            self._refuse_none("applied_command", applied)
+        absent = ~states.present[first : end + 1]
+        absent[:-1] |= ~(commands.present & applied.present)[first:end]
         names, telemetry = self._telemetry(first, end)
         own = [j for j, name in enumerate(names) if name not in (_SOLVE_TIME, _STATUS)]
         unknown = np.full(end - first, np.nan)
@@ -104,6 +107,7 @@ class RecordedRun:
             wall_time_s=self._ending.get("wall_time_s", math.nan),
             changes=self.changes,
             first_step=first,
+            holes=tuple((first + begin, first + end) for begin, end in stretches(absent)),
         )
 
     @property
@@ -234,10 +238,13 @@ class RecordedRun:
             raise MessageError("change", "it is no change of this run")
         return change
 
-    def _refuse_gaps(self, name: str, rows: Rows, first: int, end: int) -> None:
-        missing = np.flatnonzero(~rows.present[first:end])
-        if len(missing):
-            raise AnalysisError(
-                f"{self._namespace}/{name} in {self._path} lacks {len(missing)} of {end - first} steps, the first"
-                f" is step {first + missing[0]}: `skydiver-utc replay` plays the messages that are there"
-            )
+    def _refuse_none(self, name: str, rows: Rows) -> None:
+        """Raise `AnalysisError` where no message of a topic that every run has can be used."""
+        if rows.present.any():
+            return
+        ended = f", the run ended before: {reason}" if (reason := self._ending.get("reason")) else ""
+        left_out = f" ({count} cannot be used)" if (count := self.ignored.get(name)) else ""
+        raise AnalysisError(
+            f"{self._path} has no message on {self._namespace}/{name}{left_out}{ended}; `skydiver-utc replay` plays the"
+            " messages that are there"
+        )

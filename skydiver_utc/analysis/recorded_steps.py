@@ -36,6 +36,12 @@ class Rows(NamedTuple):
         return Rows(self.values[newest], newest >= 0)
 
 
+def stretches(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last place of each unbroken row of marked ones."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], marked, [False]))))
+    return [(int(begin), int(end) - 1) for begin, end in edges.reshape(-1, 2)]
+
+
 class RecordedSteps:
     """The topics of one run; `ignored` counts, by topic, the messages without a step of the run or of no use."""
 
@@ -46,8 +52,7 @@ class RecordedSteps:
 
     def messages(self, name: str) -> list[Any | None]:
         """The messages of a topic, in the order of the file; None for bytes that cannot be decoded."""
-        topic = self._topics.get(f"{self._namespace}/{name}")
-        return topic.readable if topic else []
+        return topic.readable if (topic := self._topic(name)) else []
 
     def read(self, name: str, read: Callable[[Any], Any]) -> list[Any]:
         """What `read` makes of each message of a topic; without those that it refuses by `MessageError`."""
@@ -58,8 +63,13 @@ class RecordedSteps:
                     found.append(read(message))
             except MessageError:
                 continue
-        self.ignored[name] = len(messages) - len(found)
+        self.ignored[name] = (
+            len(messages) - len(found) + (topic.left_out if (topic := self._topic(name)) else 0)
+        )
         return found
+
+    def _topic(self, name: str) -> RecordedTopic | None:
+        return self._topics.get(f"{self._namespace}/{name}")
 
     def step_of(self, message: Any) -> int:
         """The step of a message's stamp; `MessageError` off the grid and outside of the run."""

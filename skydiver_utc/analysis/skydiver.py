@@ -7,7 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.analysis.numbers import finite, first_step_from, largest, root_mean_square, settled, time_of
+from skydiver_utc.analysis.numbers import (
+    finite,
+    first_step_from,
+    largest,
+    recorded,
+    root_mean_square,
+    settled,
+    time_of,
+)
 from skydiver_utc.loop.run import Run
 from skydiver_utc.plants.protocol import Plant
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
@@ -32,8 +40,8 @@ def skydiver_metrics(run: Run) -> dict[str, Any]:
     rmse_rotating_deg_s, angle_error_deg, overshoot_deg
         of a reference that rotates by an angle: RMSE from its start to its end, angle turned at the end of the
         run less the angle wanted, and how far the angle turned ever went beyond it. None for other references
-        and for a run that ends before the rotation; the angles also for a recording that lacks the beginning,
-        the RMSE for one that lacks some of the rotation.
+        and for a run that ends before the rotation; the angles also for a recording that lacks the beginning
+        or steps within, the RMSE for one that lacks some of the rotation.
     facing, facing_since_s
         which side faces the earth at the end ("neither" is one), and since when the dorsal axis has stayed
         within 45 deg of the vertical for that, at the latest where the recording begins.
@@ -43,12 +51,13 @@ def skydiver_metrics(run: Run) -> dict[str, Any]:
     if not is_skydiver(run.plant):
         return {}
     facing, since_s = _facing(run)
+    height = dorsal_axis_height(run.states)
     return {
         "peak_yaw_rate_deg_s": finite(math.degrees(largest(run.output("yaw_rate")[settled(run)]))),
         **_of_rotation(run),
         "facing": facing,
         "facing_since_s": since_s,
-        "min_dorsal_axis": finite(float(np.min(dorsal_axis_height(run.states)))),
+        "min_dorsal_axis": finite(float(np.min(height[recorded(run)], initial=math.inf))),
     }
 
 

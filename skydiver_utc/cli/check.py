@@ -63,6 +63,8 @@ def _show(values: dict[str, Any]) -> None:
         show_lines(
             f"the recording lacks the beginning: checked from the controller's restart at {first_step} on"
         )
+    if (hole := values["hole_at_step"]) is not None:
+        show_lines(f"the recording lacks step {hole}: checked up to there")
     if sentence := reference_added(values["reference_steps_not_recorded"]):
         show_lines(sentence)
     if values["equal"]:

@@ -17,6 +17,9 @@ from skydiver_utc.plants.protocol import Plant
 
 Array = NDArray[np.float64]
 _DELAY = "delay_steps"
+# The arrays with a row for each state, and for each step.
+_OF_STATES = ("states", "reference")
+_OF_STEPS = ("commands", "applied", "telemetry", "solve_time_s", "status")
 
 
 class ParameterChange(NamedTuple):
@@ -46,7 +49,8 @@ class ParameterChange(NamedTuple):
 class Run:
     """One closed-loop run of K steps; row i belongs to step k = first_step + i, time k dt.
 
-    first_step is 0 but for a recording that lacks the beginning.
+    first_step is 0 but for a recording that lacks the beginning. holes: first and last step of each stretch that a
+    recording lacks within; what is missing there is NaN.
 
     states (K+1, n); commands (K, m) decided by the controller; applied (K, m) after the plant's own limits
     reference (K+1, l) of the outputs (or controls) `tracked_names`
@@ -72,6 +76,7 @@ class Run:
     wall_time_s: float
     changes: tuple[ParameterChange, ...] = ()
     first_step: int = 0
+    holes: tuple[tuple[int, int], ...] = ()
 
     @property
     def time_s(self) -> Array:
@@ -81,9 +86,17 @@ class Run:
 
     def since(self, step: int) -> "Run":
         """The same run without what lies before this step, one of its own."""
-        left_out = step - self.first_step
-        names = ("states", "commands", "applied", "reference", "telemetry", "solve_time_s", "status")
-        return replace(self, first_step=step, **{name: getattr(self, name)[left_out:] for name in names})
+        rows = {name: getattr(self, name)[step - self.first_step :] for name in (*_OF_STATES, *_OF_STEPS)}
+        return replace(
+            self, first_step=step, holes=tuple(hole for hole in self.holes if hole[1] >= step), **rows
+        )
+
+    def until(self, step: int) -> "Run":
+        """The same run with this step's state as its last one."""
+        count = step - self.first_step
+        rows = {name: getattr(self, name)[:count] for name in _OF_STEPS}
+        rows |= {name: getattr(self, name)[: count + 1] for name in _OF_STATES}
+        return replace(self, holes=tuple(hole for hole in self.holes if hole[0] < step), **rows)
 
     @cached_property
     def outputs(self) -> Array:

@@ -156,6 +156,11 @@ def test_a_hole_in_the_reference_is_reported_and_filled(run: Run, tmp_path: Path
     assert json.loads((folder / "metrics.json").read_text())["reference_steps_not_recorded"] == 40
 
 
+def test_a_recording_with_a_hole_is_checked_up_to_it(run: Run, tmp_path: Path) -> None:
+    values = report(write_run(tmp_path / "run", run, without("state", 70)))
+    assert (values["equal"], values["steps"], values["hole_at_step"]) == (True, 70, 70)
+
+
 def test_a_run_that_was_cut_short_is_checked_as_far_as_it_goes(run: Run, tmp_path: Path) -> None:
     def cut(messages: Any) -> Any:
         kept = [m for m in messages if m[0] != "outcome" and (m[2] < 90 or m[0] == "reference")]

@@ -83,7 +83,7 @@ def test_a_diverging_run_does_not_press_the_reference_flat() -> None:
 def test_a_recording_of_the_rest_starts_where_it_begins() -> None:
     whole = run_of(100.0, 90.0, skydiver(reference=rotation()))
     figure = tracking_figure(whole.since(30))
-    assert "1.50 s" in texts(figure)
+    assert "1.500 s" in texts(figure)
     assert "from the wanted 180 deg" in texts(tracking_figure(whole))
     assert "from the wanted" not in texts(figure)
     assert figure.axes[-1].get_xlim() == pytest.approx((1.5, 4.0))

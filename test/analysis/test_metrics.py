@@ -25,7 +25,7 @@ OF_ANY_PLANT = {
         "wall_time_s",
         "simulated_time_s",
     ),
-    *("missing_steps", "begins_at_s", "parameter_changes"),
+    *("missing_steps", "begins_at_s", "holes_s", "parameter_changes"),
 }
 OF_SKYDIVERS = {
     *("peak_yaw_rate_deg_s", "rmse_rotating_deg_s", "angle_error_deg", "overshoot_deg"),
