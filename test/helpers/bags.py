@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags for tests, written without ROS, and what independent readers find in them."""
 
+import copy
 import re
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
 import yaml
+from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
-from mcap.records import Message
+from mcap.records import Channel, Chunk, Header, Message, Schema
+from mcap.writer import MCAP0_MAGIC, Writer
 
 from skydiver_utc.recording.writer import BagWriter
 
@@ -72,3 +75,46 @@ def sentence(error: "pytest.ExceptionInfo[BaseException]") -> str:
     assert "\n" not in text
     assert not re.search(r"[.!?] [A-Z]", text), text
     return text
+
+
+Record = tuple[Schema | None, Channel, Message]
+
+
+def rewritten(
+    source: Path,
+    target: Path,
+    edit: Callable[[Record], Record] = lambda record: record,
+    more: Callable[[Writer], object] = lambda writer: None,
+    **options: Any,
+) -> Path:
+    """The MCAP file of a bag written again, each record after `edit`, by the library's writer and its options."""
+    (file,) = source.glob("*.mcap")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("rb") as stream, target.open("wb") as out:
+        writer = Writer(out, **options)
+        writer.start(profile="ros2")
+        channels: dict[Any, int] = {}
+        for record in make_reader(stream).iter_messages(log_time_order=False):
+            schema, channel, message = edit(copy.deepcopy(record))
+            key = channel.topic, channel.message_encoding, schema and schema.data
+            if key not in channels:
+                schema_id = schema and writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[key] = writer.register_channel(
+                    channel.topic, channel.message_encoding, schema_id or 0, channel.metadata
+                )
+            writer.add_message(
+                channels[key], message.log_time, message.data, message.publish_time, message.sequence
+            )
+        more(writer)
+        writer.finish()
+    return target
+
+
+def chunk_file(path: Path, compression: str, data: bytes, size: int, crc: int = 0) -> Path:
+    """An MCAP file with one chunk of these compressed bytes, which claims a size; no index."""
+    builder = RecordBuilder()
+    Header("ros2", "test").write(builder)
+    Chunk(compression, data, 0, 0, crc, size).write(builder)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(MCAP0_MAGIC + builder.end() + MCAP0_MAGIC)
+    return path

@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One bad part of a recording is left out and counted: the rest is read, and recovered byte for byte."""
+
+import struct
+import time
+import tracemalloc
+from pathlib import Path
+
+import lz4.frame
+import pytest
+import zstandard
+from mcap.opcode import Opcode
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from rosbags.rosbag2 import Reader
+
+from bags import START_NS, STRING, Record, Row, chunk_file, rewritten, text_message, write_bag
+from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.recording.reader import read_bag
+from skydiver_utc.recording.recovery import recover, survey
+
+ROWS = [Row("/a", START_NS + k, START_NS + k, text_message(f"text {k}")) for k in range(20)]
+SERVICE_EVENT = b"""service_msgs/ServiceEventInfo info
+pkg/srv/Add_Request[<=1] request
+================================================================================
+MSG: service_msgs/ServiceEventInfo
+uint8 REQUEST_SENT = 0
+"""
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    return write_bag(tmp_path / "whole", ROWS)
+
+
+def texts(path: Path, topic: str = "/a") -> list[str]:
+    return [message.data for message in read_bag(path)[topic].messages]
+
+
+@pytest.mark.parametrize("field", ["log_time", "publish_time"])
+@pytest.mark.parametrize("time_ns", [2**63, 2**64 - 1000])
+def test_a_message_with_an_impossible_time_is_left_out(
+    bag: Path, tmp_path: Path, field: str, time_ns: int
+) -> None:
+    def edit(record: Record) -> Record:
+        if record[2].log_time == START_NS + 7:
+            setattr(record[2], field, time_ns)
+        return record
+
+    file = rewritten(bag, tmp_path / "run" / "run_0.mcap", edit)
+    topic = read_bag(file)["/a"]
+    assert (len(topic.messages), topic.left_out) == (19, 1)
+    assert topic.log_times_ns.max() == START_NS + 19
+    recover(file, tmp_path / "recovered")
+    with Reader(tmp_path / "recovered") as reader:
+        assert reader.message_count == 20
+        assert reader.end_time == START_NS + 20
+
+
+def with_another(topic: str, encoding: str, schema: tuple[str, str, bytes] | None) -> "object":
+    """Two messages of a topic."""
+
+    def more(writer: Writer) -> None:
+        schema_id = 0 if schema is None else writer.register_schema(*schema)
+        channel = writer.register_channel(topic, encoding, schema_id, {"offered_qos_profiles": "[" * 3000})
+        for k in range(2):
+            writer.add_message(channel, START_NS + k, b'{"x": 1}', START_NS + k)
+
+    return more
+
+
+@pytest.mark.parametrize(
+    ("encoding", "schema"),
+    [
+        ("json", ("note", "jsonschema", b"{}")),
+        ("json", None),
+        ("cdr", (STRING[0], "ros2idl", b"module")),
+        ("cdr", ("pkg/srv/Add_Event", "ros2msg", SERVICE_EVENT)),
+        ("cdr", ("pkg/msg/Own", "ros2msg", b"\xff\xfe not a definition")),
+        ("cdr", ("pkg/msg/Own", "ros2msg", b"Own self\n")),
+    ],
+)
+@pytest.mark.parametrize("topic", ["/notes", "/a"])
+def test_what_is_no_ros_message_is_ignored_and_recovered(
+    bag: Path, tmp_path: Path, encoding: str, schema: tuple[str, str, bytes] | None, topic: str
+) -> None:
+    def attached(writer: Writer) -> None:
+        with_another(topic, encoding, schema)(writer)  # type: ignore[operator]
+        writer.add_attachment(1, 2, "calibration.txt", "text/plain", b"1 2 3")
+        writer.add_metadata("camera", {"serial": "7"})
+
+    file = rewritten(bag, tmp_path / "run" / "run_0.mcap", more=attached)
+    assert texts(file) == [f"text {k}" for k in range(20)]
+    if topic == "/a":
+        assert read_bag(file)["/a"].left_out == 2
+    elif schema and schema[1] == "ros2msg":
+        with pytest.raises(RecordingError, match=schema[0]):
+            read_bag(file)["/notes"].messages  # noqa: B018
+    assert survey(file).whole
+    found = recover(file.parent, tmp_path / "recovered")
+    assert (found.message_count, found.losses, found.lost_messages) == (22, [], 0)
+    again = tmp_path / "recovered"
+    assert survey(again).whole
+    with (again / "recovered_0.mcap").open("rb") as stream:
+        reader = make_reader(stream)
+        assert [(a.name, a.data) for a in reader.iter_attachments()] == [("calibration.txt", b"1 2 3")]
+        assert [(m.name, m.metadata) for m in reader.iter_metadata()] == [("camera", {"serial": "7"})]
+        messages = list(reader.iter_messages())
+        assert len(messages) == 22
+        other = next(c for _, c, m in messages if m.data == b'{"x": 1}')
+        assert (other.topic, other.message_encoding) == (topic, encoding)
+        assert other.metadata == {"offered_qos_profiles": "[" * 3000}
+
+
+def test_messages_compressed_one_by_one_stay_so(bag: Path, tmp_path: Path) -> None:
+    def edit(record: Record) -> Record:
+        record[2].data = zstandard.compress(record[2].data)
+        return record
+
+    file = rewritten(bag, tmp_path / "run" / "run_0.mcap", edit)
+    assert texts(file) == [f"text {k}" for k in range(20)]
+    recover(file.parent, tmp_path / "recovered")
+    with Reader(tmp_path / "recovered") as reader:  # decompresses as the metadata say
+        assert [bytes(data) for _, _, data in reader.messages()] == [row.cdr for row in ROWS]
+
+
+BOMB = 1_500_000_000
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+@pytest.mark.parametrize("claim", [BOMB, 1000])
+def test_a_chunk_that_unpacks_to_very_much_is_damaged(tmp_path: Path, compression: str, claim: int) -> None:
+    if compression == "zstd":
+        packer = zstandard.ZstdCompressor().compressobj(size=BOMB)
+        block, rest = bytes(10_000_000), BOMB
+        data = b""
+        while rest:
+            data, rest = data + packer.compress(block), rest - len(block)
+        data += packer.flush()
+    else:
+        # A frame of repeated blocks: four zero bytes, a match of 64 KB each.
+        data = lz4.frame.compress(bytes(50_000_000))
+    file = chunk_file(tmp_path / "run" / "run_0.mcap", compression, data, claim)
+    tracemalloc.start()
+    began = time.monotonic()
+    with pytest.raises(RecordingError):
+        read_bag(file)
+    assert survey(file).losses
+    assert time.monotonic() - began < 5.0
+    assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    tracemalloc.stop()
+
+
+def test_a_chunk_of_zeros_is_no_million_of_records(tmp_path: Path) -> None:
+    zeros = bytes(9 * 1_000_000)
+    file = chunk_file(tmp_path / "run_0.mcap", "zstd", zstandard.compress(zeros), len(zeros))
+    assert survey(file).losses
+    with pytest.raises(RecordingError, match="damaged"):
+        read_bag(file)
+
+
+def test_a_length_beyond_its_record_is_damage(tmp_path: Path) -> None:
+    """The library returns what is there."""
+    schema = (
+        struct.pack("<HI", 1, 1) + b"x" + struct.pack("<I", 7) + b"ros2msg" + struct.pack("<I", 99) + b"int"
+    )
+    record = struct.pack("<BQ", Opcode.SCHEMA, len(schema)) + schema
+    file = chunk_file(tmp_path / "run_0.mcap", "", record, len(record))
+    assert survey(file).losses
+
+
+def test_nothing_is_left_behind_by_a_recovery_that_fails(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (bag / "metadata.yaml").unlink()
+    before = sorted(tmp_path.iterdir())
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Writer, "finish", full)
+    with pytest.raises(OSError, match="recovered"):
+        recover(bag, tmp_path / "recovered")
+    assert sorted(tmp_path.iterdir()) == before
