@@ -24,7 +24,7 @@ from skydiver_utc.messages import (
     read_preview,
     run_id_of,
 )
-from skydiver_utc.parameters import ParameterError, Scenario, from_yaml, override
+from skydiver_utc.parameters import ParameterError, Scenario, from_yaml, leaves, override
 from skydiver_utc.parameters.errors import MissingModuleError
 from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.reader import RecordedTopic, read_bag
@@ -230,8 +230,13 @@ class RecordedRun:
             change = ParameterChange(
                 str(content["node"]), int(content["step"]), dict(content["parameters"]), control
             )
-            override(self.scenario, change.of_scenario)
-            fits = all(0 <= number <= self.scenario.steps for number in (change.step, change.delay_steps))
+            # Numbers and choices only: the name of a file would be read here.
+            fits = change.of_scenario.keys() <= {leaf.name for leaf in leaves(self.scenario)}
+            fits = fits and all(
+                0 <= number <= self.scenario.steps for number in (change.step, change.delay_steps)
+            )
+            if fits:
+                override(self.scenario, change.of_scenario)
         except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
             raise MessageError("change", f"it is no change of this run ({error})") from error
         if not fits or (control is not None and len(control) != len(self.plant.control_names)):

@@ -4,7 +4,7 @@
 import difflib
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
@@ -37,10 +37,19 @@ _EXPECTED = {
 _Settings = TypeVar("_Settings", bound=BaseModel)
 
 
-def convert(content: Mapping[str, Any], origin: str) -> Scenario:
-    """The scenario of plain data without file names in it; `ParameterError` names every wrong field."""
+class Unresolved(NamedTuple):
+    """Stands in plain data for the content of a file that cannot be read; `error` says why."""
+
+    error: str
+
+
+def convert(content: Mapping[str, Any], origin: str, found: Iterable[str] = ()) -> Scenario:
+    """The scenario of plain data without file names in it; `ParameterError` names every wrong field.
+
+    `found` are errors that it names before these.
+    """
     blocks = {**_DEFAULTS, **content}
-    errors: list[str] = []
+    errors = list(found)
     for name in SLOTS:
         if name in blocks:
             blocks[name] = slot_settings(name, name, blocks[name], errors)
@@ -56,13 +65,23 @@ def convert(content: Mapping[str, Any], origin: str) -> Scenario:
         scenario = Scenario.model_validate({n: block for n, block in blocks.items() if n not in wrong})
     except ValidationError as error:
         known = list(_field_names(Scenario))
-        known += [f"{name}.{field}" for name in SLOTS for field in _field_names(type(blocks.get(name)))]
+        known += [
+            f"{name}.{field}" for name in SLOTS for field in _field_names(_model(name, content.get(name)))
+        ]
         errors += _clauses((e for e in error.errors() if not set(e["loc"][:1]) & wrong), "", blocks, known)
     if errors:
         more = len(errors) - _MOST_SHOWN
         shown = [*errors[:_MOST_SHOWN], *([f"and {more} more"] if more > 0 else [])]
         raise ParameterError(f"{'; '.join(shown)} (scenario {origin})")
     return scenario
+
+
+def _model(slot: str, block: Any) -> type[BaseModel] | None:
+    """The class of the settings in a slot's block, None where its kind is wrong."""
+    try:
+        return settings_class(slot, block["kind"])
+    except (ParameterError, LookupError, TypeError, AttributeError):
+        return None
 
 
 def checked(model: type[_Settings], content: Mapping[str, Any]) -> _Settings:
@@ -106,13 +125,19 @@ def _clauses(errors: Iterable[ErrorDetails], prefix: str, block: Any, known: lis
     first: dict[str, ErrorDetails] = {}
     for error in errors:
         first.setdefault(".".join(_place(error, block)), error)
-    return [_clause(error, place, prefix, known) for place, error in first.items()]
+    # A text from anywhere may have very many: only those are put into words that can be shown.
+    return [
+        _clause(error, place, prefix, known) if i < _MOST_SHOWN else ""
+        for i, (place, error) in enumerate(first.items())
+    ]
 
 
 def _clause(error: ErrorDetails, place: str, prefix: str, known: list[str]) -> str:
     """One wrong field: its dotted name, what is wrong and what to do."""
     name = prefix + place
     context = error.get("ctx", {})
+    if isinstance(error["input"], Unresolved):
+        return error["input"].error
     match error["type"]:
         case "extra_forbidden":
             last = place.rpartition(".")[2]

@@ -8,11 +8,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from skydiver_utc.parameters.conversion import convert
+from skydiver_utc.parameters.conversion import Unresolved, convert
 from skydiver_utc.parameters.errors import ParameterError
 from skydiver_utc.parameters.registry import search_modules_in
 from skydiver_utc.parameters.scenario import Scenario
-from skydiver_utc.parameters.yaml_io import parse_yaml, read_yaml, refuse_non_finite, write_yaml
+from skydiver_utc.parameters.yaml_io import (
+    parse_yaml,
+    read_yaml,
+    refuse_non_finite,
+    refuse_unresolved,
+    write_yaml,
+)
 
 # Fields whose value may be the name of a file: field -> folder below config/.
 _NAMED = {
@@ -24,9 +30,11 @@ _NAMED = {
     "posture": "postures",
     "pattern": "patterns",
 }
-
-
+_ENDINGS = (".yaml", ".yml")
 _SLOTS_WITH_DEFAULTS = ("plant", "controller")
+
+
+Chain = tuple[Path, ...]  # of files, each named by the one before
 
 
 def config_folder() -> Path:
@@ -51,10 +59,7 @@ def scenario_names() -> list[str]:
 def scenario_titles() -> dict[str, str]:
     """Title of each scenario that comes with the package, by its name; nothing but YAML is read."""
     folder = config_folder() / "scenarios"
-    return {
-        name: str(_read_extended(folder / f"{name}.yaml", seen=()).get("title", ""))
-        for name in scenario_names()
-    }
+    return {name: str(_read_extended(folder / f"{name}.yaml").get("title", "")) for name in scenario_names()}
 
 
 def load_scenario(name_or_path: str, overrides: Mapping[str, object] | None = None) -> Scenario:
@@ -62,11 +67,12 @@ def load_scenario(name_or_path: str, overrides: Mapping[str, object] | None = No
 
     `name_or_path` is a name below ``config/scenarios`` or the path of a YAML file; `overrides` maps
     dotted names ("controller.horizon_steps") to values. "plant.skydiver" counts as written in the file: what
-    the scenario sets itself stays. Raises `ParameterError`.
+    the scenario sets itself stays. A path in a file counts from the folder of that file, a path in an override from
+    the current folder. Raises `ParameterError`.
     """
     path = _scenario_path(name_or_path)
     search_modules_in(path.parent)
-    content, changes = _read_extended(path, seen=()), dict(overrides or {})
+    content, changes = _read_extended(path), dict(overrides or {})
     if (skydiver := changes.pop("plant.skydiver", None)) is not None:
         plant = content.get("plant")
         if isinstance(plant, dict) and isinstance(plant.get("subject"), dict):
@@ -86,14 +92,15 @@ def to_yaml(scenario: Scenario) -> str:
 
 
 def from_yaml(text: str) -> Scenario:
-    """The scenario of a resolved text, checked like a file. Raises `ParameterError`."""
+    """The scenario of a resolved text, which may come from anywhere: no file is read. Raises `ParameterError`."""
+    refuse_unresolved(text, "the scenario")
     return convert(parse_yaml(text, "the scenario"), "of the text")
 
 
 def _scenario_path(name_or_path: str) -> Path:
-    if name_or_path.endswith((".yaml", ".yml")):
+    if name_or_path.endswith(_ENDINGS):
         path = Path(name_or_path)
-        if not path.is_file():
+        if not _is_file(path):
             raise ParameterError(f"there is no scenario file {name_or_path}: check the path")
         return path
     names = scenario_names()
@@ -104,18 +111,57 @@ def _scenario_path(name_or_path: str) -> Path:
     return config_folder() / "scenarios" / f"{name_or_path}.yaml"
 
 
-def _read_extended(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
-    """The file's content laid over that of the file that it extends."""
-    if path in seen:
-        raise ParameterError(f"{path} extends itself: take one 'extends' out")
-    content = _with_table(read_yaml(path), path.parent)
+def _read_extended(path: Path, seen: Chain = ()) -> dict[str, Any]:
+    """The file's content laid over that of the file that it extends, the paths in both made absolute."""
+    seen = _longer(seen, path)
+    content = _with_table(_with_absolute_paths(read_yaml(path), path.parent), path.parent)
     parent = content.pop("extends", None)
     if parent is None:
         return content
-    parent_path = path.parent / f"{parent}.yaml"
-    if not parent_path.is_file():
-        raise ParameterError(f"{path} extends {parent!r}, which does not exist beside it")
-    return _merge(_read_extended(parent_path, (*seen, path)), content)
+    name = str(parent) if str(parent).endswith(_ENDINGS) else f"{parent}.yaml"
+    folders = (path.parent, config_folder() / "scenarios")
+    parent_path = next((folder / name for folder in folders if _is_file(folder / name)), None)
+    if parent_path is None:
+        raise ParameterError(
+            f"{path} extends {parent!r}, which is neither beside it nor comes with the package"
+        )
+    return _merge(_read_extended(parent_path, seen), content)
+
+
+def _longer(seen: Chain, path: Path) -> Chain:
+    """The chain of files with one more; a file that is in it already is refused."""
+    if path.resolve() in seen:
+        raise ParameterError(
+            f"{path} names itself, through {' and '.join(map(str, seen))}: take one name out"
+        )
+    return (*seen, path.resolve())
+
+
+def _is_file(path: Path) -> bool:
+    """True for a file; a name that no file can have is none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _with_absolute_paths(content: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The plant's paths to files, which count from this folder, made absolute."""
+    return {
+        key: _absolute(value, folder) if key == "plant" and isinstance(value, dict) else value
+        for key, value in content.items()
+    }
+
+
+def _absolute(block: dict[str, Any], folder: Path) -> dict[str, Any]:
+    found = {}
+    for key, value in block.items():
+        if isinstance(value, dict):
+            value = _absolute(value, folder)
+        elif key in _NAMED and isinstance(value, str) and value.endswith(_ENDINGS):
+            value = str(folder.absolute() / value)
+        found[key] = value
+    return found
 
 
 def _with_table(content: dict[str, Any], beside: Path = Path()) -> dict[str, Any]:
@@ -162,33 +208,40 @@ def _resolve_plant(content: dict[str, Any]) -> dict[str, Any]:
     return {**content, "plant": _resolve_names(plant)}
 
 
-def _resolve_names(content: dict[str, Any], beside: Path = Path()) -> dict[str, Any]:
+def _resolve_names(content: dict[str, Any], beside: Path = Path(), seen: Chain = ()) -> dict[str, Any]:
     """Replace the name of a subject, suit, posture, ... by what its file holds, at any depth.
 
-    A path in a file counts from that file's folder, `beside`.
+    A path in a file counts from that file's folder, `beside`. A file that cannot be read gives an `Unresolved`.
     """
     resolved: dict[str, Any] = {}
     for key, value in content.items():
-        folder = beside
+        folder, chain = beside, seen
         if key in _NAMED and isinstance(value, str):
-            path = named_path(key, value, beside)
-            value, folder = read_yaml(path), path.parent
+            try:
+                path = named_path(key, value, beside)
+                value, folder = read_yaml(path), path.parent
+            except ParameterError as error:
+                value = Unresolved(str(error))
+            else:
+                chain = _longer(seen, path)
         if isinstance(value, list):
-            value = [_resolve_names(item, folder) if isinstance(item, dict) else item for item in value]
-        resolved[key] = _resolve_names(value, folder) if isinstance(value, dict) else value
+            value = [
+                _resolve_names(item, folder, chain) if isinstance(item, dict) else item for item in value
+            ]
+        resolved[key] = _resolve_names(value, folder, chain) if isinstance(value, dict) else value
     return resolved
 
 
 def named_path(field: str, name: str, beside: Path = Path()) -> Path:
     """The file of a subject, suit, posture, calibration, ...: one that comes with the package, or any by its path."""
-    if name.endswith((".yaml", ".yml")):
+    if name.endswith(_ENDINGS):
         path = beside / name
-        if not path.is_file():
-            raise ParameterError(f"there is no {field} file {name}: check the path")
+        if not _is_file(path):
+            raise ParameterError(f"there is no {field} file {path}: check the path")
         return path
     folder = config_folder() / _NAMED.get(field, f"{field}s")
     path = folder / f"{name}.yaml"
-    if not path.is_file():
+    if not _is_file(path):
         known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
         raise ParameterError(
             f"there is no {field} {name!r}: choose one of {known}, or give the path of a YAML file"
@@ -197,14 +250,17 @@ def named_path(field: str, name: str, beside: Path = Path()) -> Path:
 
 
 def _overridden(content: dict[str, Any], overrides: Mapping[str, object], origin: str) -> Scenario:
-    resolved = _over_defaults(_resolve_plant(content))
+    resolved, errors = _over_defaults(_resolve_plant(content)), []
     for name, value in overrides.items():
-        _override(resolved, name, value)
+        try:
+            _override(resolved, name, value)
+        except ParameterError as error:
+            errors.append(str(error))
         # Now, so that the next override can change a field of the file, or of the kind, that this one names.
         resolved = _with_table(_resolve_plant(resolved))
         if name.removesuffix(".kind") in _SLOTS_WITH_DEFAULTS:
             resolved = _over_defaults(resolved)
-    return convert(resolved, origin)
+    return convert(resolved, origin, errors)
 
 
 def _over_defaults(content: dict[str, Any]) -> dict[str, Any]:
@@ -215,7 +271,7 @@ def _over_defaults(content: dict[str, Any]) -> dict[str, Any]:
             continue
         kind, own = block.get("kind"), dict(block)
         path = config_folder() / f"{slot}s" / f"{kind}.yaml"
-        if isinstance(kind, str) and kind.isidentifier() and path.is_file():
+        if isinstance(kind, str) and kind.isidentifier() and _is_file(path):
             defaults = _resolve_names(read_yaml(path))
             skydiver = defaults.pop("skydiver", {})
             if isinstance(own.get("skydiver"), dict):

@@ -3,7 +3,7 @@
 
 import math
 import re
-from collections.abc import Hashable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,8 @@ _SCALARS: dict[str, tuple[str, list[str]]] = {
     _MERGE: (r"<<", ["<"]),
 }
 # Bounds of a file with every alias written out; a resolved scenario has some thousand values, six blocks deep.
-_MOST_VALUES, _MOST_KEYS, _DEEPEST = 1_000_000, 100_000, 100
+_MOST_VALUES, _DEEPEST = 1_000_000, 100
+_LONGEST = 4_000_000  # characters of a resolved scenario, which has some ten thousand
 
 
 class _StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
@@ -33,27 +34,47 @@ class _StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ign
     yaml_implicit_resolvers: dict[str, Any] = {}
 
     def flatten_mapping(self, node: Any) -> None:
-        """Put merged blocks (`<<`) into the node, once, after a look at the node's own keys."""
-        if hasattr(node, "flat"):
+        """Put the pairs of merged blocks (`<<`), of which the first counts, before the node's own, once."""
+        if hasattr(node, "own_pairs"):
             return
-        node.flat = True
-        seen: set[Hashable] = set()
-        for key in [self.construct_object(key, deep=True) for key, _ in node.value if key.tag != _MERGE]:
-            if isinstance(key, Hashable) and key in seen:
-                line = node.start_mark.line + 1
-                raise ParameterError(f"the key {key!r} stands twice in the block at line {line}: keep one")
-            seen |= {key} if isinstance(key, Hashable) else set()
-        super().flatten_mapping(node)
-        if len(node.value) > _MOST_KEYS:
-            raise ParameterError(f"a block has more than {_MOST_KEYS} keys: make it smaller")
+        node.own_pairs = {}
+        for key, value in node.value:
+            if key.tag != _MERGE:
+                name = self.construct_object(key, deep=True)
+                if name in node.own_pairs:
+                    line = node.start_mark.line + 1
+                    raise ParameterError(
+                        f"the key {name!r} stands twice in the block at line {line}: keep one"
+                    )
+                node.own_pairs[name] = key, value
+        merged: dict[Any, Any] = {}
+        for block in [block for key, value in node.value if key.tag == _MERGE for block in _blocks(value)]:
+            self.flatten_mapping(block)
+            for key, value in block.value:
+                merged.setdefault(self.construct_object(key, deep=True), (key, value))
+        node.value = list((merged | node.own_pairs).values())
 
     def construct_integer(self, node: yaml.ScalarNode) -> int:
         text = str(self.construct_scalar(node))
         return int(text, 0 if text[:2] in ("0o", "0x") else 10)
 
 
+def _blocks(value: yaml.Node) -> list[yaml.Node]:
+    """The blocks that `<<` names, one or a list."""
+    blocks = value.value if isinstance(value, yaml.SequenceNode) else [value]
+    for block in blocks:
+        if not isinstance(block, yaml.MappingNode):
+            raise ParameterError(
+                f"<< at line {value.start_mark.line + 1} needs blocks of named values: name one"
+            )
+    return list(blocks)
+
+
 class _Dumper(yaml.SafeDumper):
-    """Puts a text that the loader, or one of YAML 1.1, would read as something else in quotes."""
+    """Puts a text that the loader, or one of YAML 1.1, would read as something else in quotes; writes no aliases."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
 
 
 _StrictLoader.add_constructor(f"{_TAG}int", _StrictLoader.construct_integer)
@@ -71,10 +92,10 @@ _NO_YAML = (
 
 
 def number(text: str) -> float:
-    """A text that is a number in YAML; `ValueError` for 1_000, nan and all else that Python takes for one."""
-    if not re.fullmatch(_NUMBER, text.strip()):
-        raise ValueError(f"{text!r} is no number")
-    return float(text)
+    """A finite number as YAML writes it; `ValueError` for 1_000, nan and all else that Python takes for one."""
+    if not re.fullmatch(_NUMBER, text.strip()) or not math.isfinite(value := float(text)):
+        raise ValueError(f"{text!r} is no finite number")
+    return value
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
@@ -107,8 +128,10 @@ def load_yaml(text: str, origin: str) -> Any:
     return content
 
 
-def refuse_aliases(text: str, origin: str) -> None:
-    """Raise `ParameterError` for a text with aliases, which may be short and stand for very much."""
+def refuse_unresolved(text: str, origin: str) -> None:
+    """Raise `ParameterError` for a text that is too long, or has aliases: `write_yaml` writes values out."""
+    if len(text) > _LONGEST:
+        raise ParameterError(f"{origin} has {len(text)} characters: the most are {_LONGEST}")
     try:
         found = any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=_StrictLoader))
     except _NO_YAML:
@@ -141,7 +164,7 @@ def _values(value: Any, path: tuple[Any, ...]) -> Iterator[tuple[tuple[Any, ...]
             yield from _values(item, (*path, index))
 
 
-def write_yaml(content: dict[str, Any]) -> str:
+def write_yaml(content: Any) -> str:
     """YAML text of plain data, in the order given, with short lists on one line."""
     return yaml.dump(
         content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100, default_flow_style=None

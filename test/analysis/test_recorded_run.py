@@ -2,11 +2,13 @@
 """Runs read back from bags that are written here message by message."""
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from recordings import (
     JOINTS,
     STRING,
@@ -27,6 +29,7 @@ from recordings import (
 )
 from runs import cart, random_run
 
+from bags import Record, rewritten
 from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.figures import tracking_figure
 from skydiver_utc.analysis.labels import missing
@@ -35,6 +38,7 @@ from skydiver_utc.analysis.recorded_run import RecordedRun, read_run
 from skydiver_utc.analysis.style import png
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
+from skydiver_utc.parameters import to_yaml
 from skydiver_utc.recording.errors import RecordingError
 
 ARRAYS = ("states", "commands", "applied", "reference", "telemetry", "solve_time_s", "status")
@@ -331,3 +335,68 @@ def test_the_state_message_is_that_of_the_plant(bag: Write) -> None:
     recording = RecordedRun(bag(run, lambda messages: [other, *messages]))
     assert np.array_equal(recording.run().states, run.states)
     assert recording.ignored == {"state": 1}
+
+
+ALIASES = "a: &a [1]\n" + "".join(
+    f"{b}: &{b} [{', '.join(9 * [f'*{a}'])}]\n" for a, b in zip("abcdefghij", "bcdefghijk", strict=True)
+)
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        "extends: " + 300 * "a",
+        ALIASES,
+        "x: &x {}\ny: *x",
+        "# " + 5_000_000 * "a",
+        "a: " + 900 * "[" + 900 * "]",
+    ],
+    ids=["extends", "chain of aliases", "alias", "long", "deep"],
+)
+def test_a_recorded_scenario_is_resolved_and_small(bag: Write, before: str) -> None:
+    run = a_run()
+    other: Message = ("scenario", STRING, 0, text(f"{before}\n{to_yaml(run.scenario)}"))
+    began = time.monotonic()
+    recording = RecordedRun(bag(run, added(other)))
+    assert recording.ignored == {"scenario": 1}
+    assert time.monotonic() - began < 5.0
+
+
+def test_no_file_is_read_that_a_recording_names(bag: Write, tmp_path: Path) -> None:
+    run = random_run()
+    posture = tmp_path / "mine.yaml"
+    posture.write_text(to_yaml_of_posture(run))
+    recorded = yaml.safe_load(to_yaml(run.scenario))
+    recorded["plant"]["posture"] = str(posture)
+    changes = [
+        change(3, "controller", None, **{name: str(value)})
+        for name, value in (
+            ("plant.posture", posture),
+            ("plant.skydiver", posture),
+            ("plant.kind", "skydiver"),
+        )
+    ]
+    named: Message = ("scenario", STRING, 0, text(yaml.safe_dump(recorded)))
+    recording = RecordedRun(bag(run, added(named, *changes)))
+    assert recording.run().changes == ()
+    assert recording.ignored == {"scenario": 1, "changes": 3}
+    assert "secret" not in to_yaml(recording.scenario)
+
+
+def to_yaml_of_posture(run: Run) -> str:
+    """A posture that can be used, with a description of the analyst's own."""
+    content = run.scenario.plant.posture.as_dict() | {"description": "secret"}
+    return yaml.safe_dump(content)
+
+
+def test_an_impossible_time_is_counted(bag: Write, tmp_path: Path) -> None:
+    run = a_run()
+
+    def edit(record: Record) -> Record:
+        if record[1].topic.endswith("/command") and record[2].log_time == run.scenario.stamp_ns(7):
+            record[2].publish_time = 2**64 - 1000
+        return record
+
+    recording = RecordedRun(rewritten(bag(run), tmp_path / "edited" / "run_0.mcap", edit))
+    assert recording.run().holes == ((7, 7),)
+    assert recording.ignored == {"command": 1}

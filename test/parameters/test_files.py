@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenario files as people have them: what YAML reads, where names of files lead, which words an error has."""
+
+from pathlib import Path
+
+import pytest
+
+from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, to_yaml
+from skydiver_utc.parameters.loading import config_folder
+from skydiver_utc.parameters.yaml_io import number, parse_yaml, write_yaml
+
+FAST = "fast_turn_unknown_dynamics"
+POSTURE = (config_folder() / "postures" / "box.yaml").read_text()
+
+
+def write(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return path
+
+
+def refused(*arguments: object) -> str:
+    with pytest.raises(ParameterError) as caught:
+        load_scenario(*arguments)  # type: ignore[arg-type]
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+SCALARS = {
+    "010": 10, "-07": -7, "0o10": 8, "0x1F": 31, "+5": 5, "1e5": 1e5, "1.": 1.0, ".5": 0.5, "-1.5E-3": -1.5e-3,
+    "1_000": "1_000", "1:30": "1:30", "0b1": "0b1", "yes": "yes", "off": "off", "True": True, "false": False,
+    "2026-01-01": "2026-01-01", "=": "=", "<<": "<<", "~": None, "": None, "null": None, "1e": "1e", "١": "١",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", SCALARS)
+def test_scalars_are_those_of_yaml_1_2_and_come_back(text: str) -> None:
+    if text == "<<":
+        text, expected = "'<<'", "<<"
+    else:
+        expected = SCALARS[text]
+    found = parse_yaml(f"a: {text}", "it")["a"]
+    assert (found, type(found)) == (expected, type(expected))
+    again = parse_yaml(write_yaml({"a": found, "b": text}), "it")
+    assert again == {"a": expected, "b": text}
+
+
+@pytest.mark.parametrize("text", ["1_0", "nan", "inf", "1e999", "0x10", "١", "1:30", "", "1 0"])
+def test_a_cell_that_is_no_number_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="number"):
+        number(text)
+    assert number(" -1.5e3 ") == -1500.0
+
+
+def test_blocks_can_be_merged(tmp_path: Path) -> None:
+    text = "a: &a {x: 1, long: 2}\nc: {<<: [&b {<<: *a, long: 3}, *a], z: 4}\nd: *b\ne: {<<: [*a, *b]}"
+    assert parse_yaml(text, "it") == {
+        "a": {"x": 1, "long": 2},
+        "c": {"x": 1, "long": 3, "z": 4},
+        "d": {"x": 1, "long": 3},
+        "e": {"x": 1, "long": 2},
+    }
+    doubled = "".join(f"b{k}: &b{k} {{<<: [*b{k - 1}, *b{k - 1}]}}\n" for k in range(1, 40))
+    assert parse_yaml("b0: &b0 {x: 1}\n" + doubled, "it")["b39"] == {"x": 1}
+    initial = "  initial: {<<: &i {bank_deg: 5.0}, pitch_deg: 1.0}\n"
+    path = write(tmp_path / "flight.yaml", f"extends: bank_recovery\nplant:\n{initial}")
+    assert load_scenario(str(path)).plant.initial.bank_deg == 5.0
+
+
+ALIASED = "".join(f"b{k}: &b{k} [{', '.join([f'*b{k - 1}'] * 9)}]\n" for k in range(1, 40))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("a: " + "[" * 3000, "a: " + 500 * "[" + 500 * "]", "a: &a {b: *a}", "a: &a [*a]", "{a: 1, a: 2}"),
+        "b0: &b0 []\n" + ALIASED,
+        "".join("  " * k + "a:\n" for k in range(400)),
+    ],
+    ids=["open", "deep", "own block", "own list", "twice", "aliases", "indented"],
+)
+def test_yaml_that_is_too_much_is_refused_at_once(text: str) -> None:
+    with pytest.raises(ParameterError, match="it"):
+        parse_yaml(text, "it")
+
+
+def test_a_path_counts_from_the_file_that_says_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(tmp_path / "mine" / "box.yaml", POSTURE.replace("name: box", "name: my_box"))
+    write(tmp_path / "mine" / "base.yaml", "extends: bank_recovery\nplant: {posture: box.yaml}\n")
+    own = write(tmp_path / "yours" / "flight.yaml", "extends: ../mine/base.yaml\nduration_s: 2.0\n")
+    write(tmp_path / "here" / "box.yaml", POSTURE.replace("name: box", "name: here"))
+    monkeypatch.chdir(tmp_path / "here")
+    assert load_scenario("../yours/flight.yaml").plant.posture.name == "my_box"
+    assert load_scenario(str(own), {"plant.posture": "box.yaml"}).plant.posture.name == "here"
+    write(own, "extends: bank_recovery\nplant: {posture: box.yaml}\n")
+    assert str(tmp_path / "yours" / "box.yaml") in refused(str(own))
+
+
+def test_a_packaged_scenario_is_extended_from_anywhere(tmp_path: Path) -> None:
+    path = write(tmp_path / "flight.yaml", f"extends: {FAST}\nname: mine\n")
+    assert load_scenario(str(path)) == load_scenario(FAST, {"name": "mine"})
+    assert "nothing_there" in refused(str(write(path, "extends: nothing_there\n")))
+    assert "aaa" in refused(str(write(path, "extends: " + 300 * "a")))
+
+
+@pytest.mark.parametrize(
+    "texts",
+    [
+        {"flight.yaml": "extends: flight"},
+        {"flight.yaml": "extends: other", "other.yaml": "extends: ../run/flight"},
+        {"flight.yaml": f"extends: {FAST}\nplant: {{skydiver: a.yaml}}", "a.yaml": "{skydiver: a.yaml}"},
+    ],
+)  # fmt: skip
+def test_a_cycle_is_named(tmp_path: Path, texts: dict[str, str]) -> None:
+    for name, text in texts.items():
+        write(tmp_path / "run" / name, text)
+    assert "itself" in refused(str(tmp_path / "run" / "flight.yaml"))
+
+
+def test_wrong_fields_names_and_numbers_are_told_at_once() -> None:
+    message = refused(
+        FAST,
+        {
+            "horizon_steps": 5, "K_N": 3.0, "plant.posture": "bax", "plant.subject": "nobody.yaml",
+            "dt_s": float("nan"), "duration_s": "1_0", "controller.W0": float("inf"), "name.first": 1,
+        },
+    )  # fmt: skip
+    for words in (
+        *(
+            "did you mean controller.horizon_steps",
+            "did you mean plant.hands.K_N",
+            "posture 'bax'",
+            "nobody.yaml",
+        ),
+        *("dt_s", "duration_s", "1_0", "controller.W0", "name.first"),
+    ):
+        assert words in message
+
+
+def test_very_many_wrong_fields_are_counted() -> None:
+    text = to_yaml(load_scenario(FAST)) + "".join(f"key{k}: 1\n" for k in range(20_000))
+    with pytest.raises(ParameterError, match="19990 more"):
+        from_yaml(text)
