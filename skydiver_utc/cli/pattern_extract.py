@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 from numpy.typing import NDArray
 
@@ -85,6 +86,8 @@ def extract(
 def whole_postures(recorded: JointAngles, posture: Posture) -> Array:
     """All 45 joint angles (n, 45) [rad]: what was not recorded is that of the posture."""
     names = joint_angle_names()
+    if recorded.left_out:
+        click.echo(f"{recorded.left_out} recorded postures cannot be used and are left out", err=True)
     angles = np.tile(posture_angles(posture).ravel(), (len(recorded.time_s), 1))
     angles[:, [names.index(name) for name in recorded.names]] = recorded.values
     return angles

@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from skydiver_utc.parameters.errors import ParameterError
-from skydiver_utc.parameters.yaml_io import load_yaml
+from skydiver_utc.parameters.yaml_io import load_yaml, write_yaml
 from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.mcap_file import StoredTopic
 
@@ -18,13 +16,6 @@ QOS_KEY, HASH_KEY = "offered_qos_profiles", "topic_type_hash"  # in the metadata
 _VERSION = 9
 _NO_MESSAGE_YET_NS = 2**63 - 1  # rosbag2's starting time of an empty bag
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}  # "infinite" in rmw
-
-
-class _PlainDumper(yaml.SafeDumper):
-    """Writes no YAML aliases: not every reader of bags knows them."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
 
 
 def parse_qos_profiles(text: str) -> list[dict[str, Any]]:
@@ -51,7 +42,7 @@ def offered_qos(depth: int, reliability: str, durability: str) -> str:
         "liveliness_lease_duration": _FOREVER,
         "avoid_ros_namespace_conventions": False,
     }
-    return yaml.dump([profile], Dumper=_PlainDumper, sort_keys=False)
+    return write_yaml([profile])
 
 
 def metadata_yaml(
@@ -84,7 +75,7 @@ def metadata_yaml(
         "custom_data": None,
         "ros_distro": os.environ.get("ROS_DISTRO", "jazzy"),
     }
-    return yaml.dump({"rosbag2_bagfile_information": information}, Dumper=_PlainDumper, sort_keys=False)
+    return write_yaml({"rosbag2_bagfile_information": information})
 
 
 def _topic_entries(topics: Sequence[StoredTopic]) -> list[dict[str, Any]]:

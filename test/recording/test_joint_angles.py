@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from recordings import bag_of_postures, write_run
+from recordings import JOINTS, added, bag_of_postures, named, write_run
 from runs import cart, run_of
 
 from bags import sentence
@@ -22,6 +22,17 @@ def test_postures_come_back_from_a_bag(tmp_path, namespace):
     assert found.names == NAMES
     np.testing.assert_array_equal(found.values, postures)
     np.testing.assert_allclose(found.time_s, 0.4 * np.arange(5), atol=1e-12)
+
+
+def test_a_posture_that_cannot_be_used_is_left_out(tmp_path):
+    run = run_of(scenario=cart())
+    postures = np.random.default_rng(1).normal(size=(4, 45))
+    postures[2, 7] = np.nan
+    rows = [named(run.scenario, k, NAMES, row) for k, row in enumerate(postures)]
+    edit = added(*(("joint_states", JOINTS, k, row) for k, row in enumerate([*rows, b"no message"])))
+    found = read_joint_angles(write_run(tmp_path / "run", run, edit), NAMES)
+    np.testing.assert_array_equal(found.values, postures[[0, 1, 3]])
+    assert found.left_out == 2
 
 
 def test_a_bag_of_other_joints_or_of_none_is_refused(tmp_path):
@@ -71,9 +82,11 @@ HEAD = "time_s,left_knee_flexion,neck_rotation\n"
         (HEAD + "0,1,nan\n1,2,3\n", ["line 2, column neck_rotation", "'nan'"]),
         (HEAD + "0,1,2\ninf,2,3\n", ["line 3, column time_s", "'inf'"]),
         (HEAD + "0,1,2\n1,2,181\n", ["line 3, column neck_rotation", "181"]),
-        (HEAD + "0,1,2\n\n0,2,3\n", ["line 4, column time_s"]),
-        (HEAD + "0,1,2\n1,2,3\n0.5,2,3\n", ["line 4, column time_s"]),
+        (HEAD + "0,1,20\n\n0,2,3\n", ["line 4, column time_s"]),
+        (HEAD + "0,1,20\n1,2,3\n0.5,2,3\n", ["line 4, column time_s"]),
         (b"time_s,neck_rotation\n0,\xff\n1,2\n", ["UTF-8"]),
+        (HEAD + "0,1,2\n1,3.1,-3.1\n", ["radians", "left_knee_flexion_deg"]),
+        (HEAD + "0,1_0,20\n1,2,3\n", ["line 2, column left_knee_flexion", "'1_0'"]),
         (HEAD + '0,1,"2\n1,2,3\n', ["no CSV file"]),
     ],
 )
