@@ -28,6 +28,7 @@ _STYLE: dict[Any, Any] = {
     "grid.color": "#DDDDDD",
     "grid.linewidth": 0.6,
     "text.color": INK,
+    "text.parse_math": False,  # a title may hold a $
     "xtick.color": GREY,
     "ytick.color": GREY,
     "xtick.labelcolor": INK,

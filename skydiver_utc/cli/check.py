@@ -16,6 +16,7 @@ from skydiver_utc.cli.screen import show_lines, show_tables, table
 from skydiver_utc.cli.settings import parse_setting
 from skydiver_utc.parameters import Scenario, load_scenario, override
 from skydiver_utc.parameters.exit_codes import FAILED
+from skydiver_utc.parameters.files import write_file
 
 # What the states and the reference of a recording belong to.
 _RECORDED = ("dt_s", "epoch_s", "duration_s", "reference")
@@ -34,7 +35,7 @@ def check(
         from skydiver_utc.analysis.check_figure import check_figure
         from skydiver_utc.analysis.style import png
 
-        figure.write_bytes(png(check_figure(found, name)))
+        write_file(figure, png(check_figure(found, name)))
     if as_json:
         print(to_json(values))
     else:

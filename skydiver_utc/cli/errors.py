@@ -4,6 +4,11 @@
 from skydiver_utc.parameters.exit_codes import REFUSED
 
 
+def printable(text: str) -> str:
+    """The text with control characters, which a terminal would obey, written as escapes; lines stay lines."""
+    return "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in text)
+
+
 class CommandError(Exception):
     """A command cannot do its job; the text is one sentence, `exit_code` that of the process."""
 

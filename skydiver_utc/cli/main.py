@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """``skydiver-utc``: options and help of every command; what a command needs is imported when it runs."""
 
+import errno
+import os
 import sys
+from contextlib import suppress
 from functools import partial
 from importlib import import_module
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -40,6 +44,9 @@ class Commands(click.Group):
     """Turns the errors of wrong input into one sentence; any other error is a fault of the program."""
 
     def invoke(self, ctx: click.Context) -> Any:
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, TextIOWrapper):  # characters that the user's locale has not
+                stream.reconfigure(errors="replace")
         try:
             return super().invoke(ctx)
         except (click.ClickException, click.exceptions.Exit, click.Abort):
@@ -50,12 +57,17 @@ class Commands(click.Group):
             click.echo("stopped", err=True)
             ctx.exit(STOPPED)
         except _input_errors() as error:
-            if isinstance(error, OSError) and error.filename is None:
-                raise
-            from skydiver_utc.parameters.exit_codes import REFUSED
+            from skydiver_utc.cli.errors import printable
+            from skydiver_utc.parameters.exit_codes import FAILED, REFUSED
 
-            click.echo(f"Error: {_sentence(error)}", err=True)
-            ctx.exit(getattr(error, "exit_code", REFUSED))
+            code = getattr(error, "exit_code", REFUSED)
+            if isinstance(error, OSError) and error.filename is None:
+                if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EIO):
+                    raise
+                code = FAILED
+                _drop_output()
+            click.echo(f"Error: {printable(_sentence(error))}", err=True)
+            ctx.exit(code)
 
 
 def _input_errors() -> tuple[type[Exception], ...]:
@@ -68,7 +80,15 @@ def _input_errors() -> tuple[type[Exception], ...]:
     return (ParameterError, RecordingError, AnalysisError, CommandError, OSError)
 
 
+def _drop_output() -> None:
+    """Let nothing more be written to a stdout that cannot be written."""
+    with suppress(OSError):  # a stdout without a file
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def _sentence(error: Exception) -> str:
+    if isinstance(error, OSError) and error.filename is None:
+        return f"the output cannot be written ({error.strerror}): make room, or write it elsewhere"
     if isinstance(error, OSError):
         return f"{error.filename} cannot be used ({error.strerror}): choose another path, or repair this one"
     return str(error)
@@ -81,7 +101,9 @@ def _run(module: str, function: str, **options: Any) -> NoReturn:
         from skydiver_utc.jit import on_first_compilation
 
         on_first_compilation(partial(click.echo, err=True))
-    raise SystemExit(command(**options) or 0)
+    code = command(**options) or 0
+    sys.stdout.flush()
+    raise SystemExit(code)
 
 
 _version = click.version_option(__version__, message="%(version)s")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.parameters import Parameters
+from skydiver_utc.parameters.files import write_file
 from skydiver_utc.parameters.yaml_io import write_yaml
 
 
@@ -46,4 +47,4 @@ def write(parameters: Parameters, out: Path | None) -> None:
     if out is None:
         print(content, end="")
     else:
-        out.write_text(content, encoding="utf-8")
+        write_file(out, content)

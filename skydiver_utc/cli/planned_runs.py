@@ -41,8 +41,9 @@ def planned_runs(given: Sequence[str], settings: Sequence[str], folder: Path | N
         raise CommandError(f"two runs are called {twice[0]}: give each its own name, NAME=SCENARIO")
     scenarios = [load(source, settings) for source in sources]
     several = len(names) > 1
+    if folder is not None:
+        _check_place(folder)
     whole = folder or new_run_folder(Path("bags"), f"{len(names)}_runs" if several else scenarios[0].name)
-    _check_place(whole)
     return [
         PlannedRun(name, scenario, whole / name if several else whole, _module_folder(source))
         for name, scenario, source in zip(names, scenarios, sources, strict=True)

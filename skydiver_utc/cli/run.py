@@ -5,7 +5,7 @@ import json
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -42,9 +42,9 @@ def run(
     quiet: bool,
 ) -> int:
     """Run and record all scenarios side by side, print their metrics; returns the exit code."""
-    planned = planned_runs(scenarios, settings, folder)
     require_rclpy()
     environment = node_environment(os.environ)
+    planned = planned_runs(scenarios, settings, folder)
     if not quiet:
         places = ", ".join(str(each.folder) for each in planned)
         click.echo(f"recording into {places}, on ROS domain {environment['ROS_DOMAIN_ID']}", err=True)
@@ -56,6 +56,9 @@ def run(
             for each in planned:
                 click.echo(f"stopped: {recording_state(each.folder)}", err=True)
             return STOPPED
+        finally:
+            with suppress(OSError):  # only a folder into which nothing was recorded is empty
+                (planned[0].folder if len(planned) == 1 else planned[0].folder.parent).rmdir()
     return _analyse(planned, as_json)
 
 
@@ -154,7 +157,7 @@ def recording_state(folder: Path) -> str:
         if message_count(folder) == 0:
             return f"nothing was recorded yet, {folder} can be deleted"
         return f"the recording so far is in {folder}, `skydiver-utc analyse {folder}` evaluates it"
-    if folder.is_dir():
+    if any(folder.glob("*.mcap")):
         return f"the recording is unfinished, `skydiver-utc recover {folder}` completes it"
     return "nothing was recorded"
 

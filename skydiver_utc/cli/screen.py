@@ -21,6 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 from skydiver_utc.analysis.labels import missing, rows
+from skydiver_utc.cli.errors import printable
 from skydiver_utc.parameters import Scenario
 
 Progressed = Callable[[int, int], None]  # called with (steps done, steps in all)
@@ -59,7 +60,7 @@ def count_progress(description: str, total: int, quiet: bool) -> Iterator[Callab
 
 def _bars(columns: Sequence[ProgressColumn], quiet: bool) -> Progress:
     console = Console(stderr=True)
-    every = (TextColumn("{task.description}"), BarColumn(), *columns, TimeElapsedColumn())
+    every = (TextColumn("{task.description}", markup=False), BarColumn(), *columns, TimeElapsedColumn())
     return Progress(*every, console=console, transient=True, disable=quiet or not console.is_terminal)
 
 
@@ -97,7 +98,7 @@ def numbers(values: Iterable[float], digits: int) -> str:
 def show_lines(*lines: str, style: str = "") -> None:
     """Print lines on stdout, however long."""
     for line in lines:
-        Console().print(Text(line, style=style), soft_wrap=True)
+        Console().print(Text(printable(line), style=style), soft_wrap=True)
 
 
 def show_json_or(values: Mapping[str, Any], as_json: bool, show: Callable[[dict[str, Any]], None]) -> None:
@@ -114,7 +115,7 @@ def show_metrics(values: dict[str, Any], title: str) -> None:
     style = "green" if values["outcome"] == "completed" else "red"
     made.add_row("outcome", Text(values["outcome"], style=style), "")
     for row in rows(values):
-        made.add_row(*row)
+        made.add_row(*(Text(printable(cell)) for cell in row))
     show_tables(made)
     show_lines(*filter(None, (values["reason"], missing(values))))
 

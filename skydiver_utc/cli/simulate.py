@@ -12,6 +12,7 @@ from skydiver_utc.loop.closed_loop import simulate as run_scenario
 from skydiver_utc.loop.outcome import REACHED_THE_END
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters.exit_codes import FAILED
+from skydiver_utc.parameters.files import write_file
 
 
 def simulate(scenario: str, settings: Sequence[str], figure: Path | None, as_json: bool, quiet: bool) -> int:
@@ -26,7 +27,7 @@ def simulate(scenario: str, settings: Sequence[str], figure: Path | None, as_jso
         from skydiver_utc.analysis.figures import tracking_figure
         from skydiver_utc.analysis.style import png
 
-        figure.write_bytes(png(tracking_figure(run)))
+        write_file(figure, png(tracking_figure(run)))
     if as_json:
         print(to_json(values))
     else:

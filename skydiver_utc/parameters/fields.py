@@ -1,14 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """The unit, description and bounds of a setting."""
 
+import re
+from collections.abc import Iterator
 from typing import Any, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from typing_extensions import Self
 
+# All of Unicode's but tab and newline, and those that turn the direction of a text.
+_CONTROL = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u202a-\\u202e\\u2066-\\u2069]")
+
 
 class Parameters(BaseModel):
-    """Base of all settings: immutable, unknown names refused, every number finite and no text for a number."""
+    """Base of all settings: immutable, unknown names refused, every number finite, no text for a number.
+
+    Texts have no control characters, which a terminal would obey.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True, strict=True)
 
@@ -18,6 +26,9 @@ class Parameters(BaseModel):
         """YAML's lists as the tuples that frozen settings hold, but for a field that is a list."""
         if not isinstance(content, dict):
             return content
+        for name, value in content.items():
+            if any(_CONTROL.search(found) for found in _texts(value)):
+                raise ValueError(f"{name} holds a control character: take it out")
         lists = {name for name, field in cls.model_fields.items() if get_origin(field.annotation) is list}
         return {name: value if name in lists else _as_tuples(value) for name, value in content.items()}
 
@@ -52,6 +63,19 @@ def quantity(
 def text(description: str) -> Any:
     """Annotation of a text, a truth value or a table."""
     return Field(description=description)
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """All texts in plain data, names too."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield str(key)
+            yield from _texts(item)
+    elif isinstance(value, list | tuple):
+        for item in value:
+            yield from _texts(item)
 
 
 def _as_tuples(value: Any) -> Any:

@@ -13,14 +13,18 @@ REPORT_FILE = "report.html"
 
 
 def new_run_folder(bags: Path, name: str) -> Path:
-    """``<bags>/<YYYYMMDDTHHMMSSZ>_<name>``, with a number added where that exists already; creates nothing."""
+    """Make ``<bags>/<YYYYMMDDTHHMMSSZ>_<name>``, with a number added where that exists already."""
     safe_name = re.sub(r"[^\w.-]+", "_", name)
     first = bags / f"{datetime.now(timezone.utc):%Y%m%dT%H%M%SZ}_{safe_name}"
     folder, number = first, 1
-    while folder.exists():
-        number += 1
-        folder = first.with_name(f"{first.name}_{number}")
-    return folder
+    bags.mkdir(parents=True, exist_ok=True)
+    while True:
+        try:
+            folder.mkdir()
+            return folder
+        except FileExistsError:  # of another run in this second, perhaps
+            number += 1
+            folder = first.with_name(f"{first.name}_{number}")
 
 
 def text_of(path: Path) -> str:

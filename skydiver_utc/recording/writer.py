@@ -43,7 +43,7 @@ class BagWriter:
         queue_limit_bytes: int | None = None,
         beside: Mapping[str, str] | None = None,
     ) -> None:
-        """Create the folder and its missing parents; a folder that exists raises `RecordingError`.
+        """Create the folder and its missing parents; one that is not empty raises `RecordingError`.
 
         Messages beyond `queue_limit_bytes` in the queue are dropped and counted in `dropped`. `beside`: further files
         of the folder, names and texts.
@@ -164,10 +164,9 @@ def _use_normal_priority() -> None:
 
 def _create_bag(folder: Path, mcap_path: Path, beside: Mapping[str, str]) -> BinaryIO:
     try:
-        if folder.exists() or folder.is_symlink():
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
             raise RecordingError(f"{folder} exists already: choose another name, or move the old one away.")
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        folder.mkdir()
         for name, text in beside.items():
             (folder / name).write_text(text, encoding="utf-8")
         return mcap_path.open("xb")

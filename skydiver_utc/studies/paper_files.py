@@ -12,6 +12,7 @@ from skydiver_utc.analysis.figures import tracking_figure
 from skydiver_utc.analysis.study_figures import Curve, Panel, sweeps_figure
 from skydiver_utc.analysis.style import png
 from skydiver_utc.loop.run import Run
+from skydiver_utc.parameters.files import write_file
 from skydiver_utc.studies import paper_cases as flown
 from skydiver_utc.studies.cases import shipped
 from skydiver_utc.studies.paper_page import details, page
@@ -24,18 +25,18 @@ _RESULTS = "results.json"
 
 def write_comparison(folder: Path, results: PaperResults, runs: Mapping[str, Run]) -> None:
     """Write all that the comparison made; the other studies' parts come from their files in the folder."""
-    (folder / _RESULTS).write_text(to_json(results), encoding="utf-8")
+    write_file(folder / _RESULTS, to_json(results))
     write_pages(folder)
     for label, run in runs.items():
-        (folder / f"{label}.png").write_bytes(png(tracking_figure(run)))
-    (folder / "sweeps.png").write_bytes(png(_sweeps(results)))
+        write_file(folder / f"{label}.png", png(tracking_figure(run)))
+    write_file(folder / "sweeps.png", png(_sweeps(results)))
 
 
 def write_pages(folder: Path) -> None:
     """Write both pages from the results in the folder."""
     results = read_comparison(folder)
-    (folder / "paper.md").write_text(page(results), encoding="utf-8")
-    (folder / "details.md").write_text(details(results), encoding="utf-8")
+    write_file(folder / "paper.md", page(results))
+    write_file(folder / "details.md", details(results))
 
 
 def read_comparison(folder: Path) -> PaperResults:

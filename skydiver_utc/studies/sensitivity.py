@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from skydiver_utc.parameters import Parameters, Scenario, override
+from skydiver_utc.parameters.files import write_file
 from skydiver_utc.plants.skydiver.trim import in_straight_fall
 from skydiver_utc.studies.cases import Done, measure, run_all
 from skydiver_utc.studies.markdown import figure, percent, table
@@ -112,9 +113,7 @@ def fly_calibrations(jobs: int, done: Done) -> list[Calibration]:
 
 def write_sensitivity(folder: Path, found: Sequence[Calibration]) -> None:
     """Write sensitivity.json."""
-    (folder / _FILE).write_text(
-        json.dumps([one.as_dict() for one in found], indent=1) + "\n", encoding="utf-8"
-    )
+    write_file(folder / _FILE, json.dumps([one.as_dict() for one in found], indent=1) + "\n")
 
 
 def read_sensitivity(folder: Path) -> tuple[Calibration, ...]:

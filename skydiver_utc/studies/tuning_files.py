@@ -10,6 +10,7 @@ from pydantic import TypeAdapter
 from skydiver_utc.analysis.metrics import CONVERGED_SHARE
 from skydiver_utc.analysis.study_figures import Cloud, tuning_figure
 from skydiver_utc.analysis.style import png
+from skydiver_utc.parameters.files import write_file
 from skydiver_utc.studies.cases import amplitude_deg_s
 from skydiver_utc.studies.tuning import Tunings, to_csv
 from skydiver_utc.studies.tuning_summary import TuningSummary
@@ -20,8 +21,8 @@ _SUMMARY = "tuning.json"
 def write_study(folder: Path, tunings: Sequence[Tunings], summaries: Sequence[TuningSummary]) -> None:
     """Write tuning.json, tuning.png, and each scenario's runs."""
     for one in tunings:
-        (folder / table_file(one.scenario.name, one.reach)).write_text(to_csv(one), encoding="utf-8")
-    (folder / _SUMMARY).write_text(summaries_to_json(summaries), encoding="utf-8")
+        write_file(folder / table_file(one.scenario.name, one.reach), to_csv(one))
+    write_file(folder / _SUMMARY, summaries_to_json(summaries))
     clouds = [
         Cloud(
             summary.label,
@@ -33,7 +34,7 @@ def write_study(folder: Path, tunings: Sequence[Tunings], summaries: Sequence[Tu
         for k, (one, summary) in enumerate(zip(tunings, summaries, strict=True))
     ]
     amplitude = max(amplitude_deg_s(one.scenario) for one in tunings)
-    (folder / "tuning.png").write_bytes(png(tuning_figure(clouds, CONVERGED_SHARE * amplitude)))
+    write_file(folder / "tuning.png", png(tuning_figure(clouds, CONVERGED_SHARE * amplitude)))
 
 
 def table_file(scenario: str, reach: float) -> str:

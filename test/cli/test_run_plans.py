@@ -33,11 +33,11 @@ def test_two_runs_of_one_name_and_a_folder_that_exists_are_refused(tmp_path: Pat
 
 
 def test_run_folders_of_one_second_have_different_names(tmp_path: Path) -> None:
-    first = new_run_folder(tmp_path, "a b")
-    first.mkdir()
-    second = new_run_folder(tmp_path, "a b")
+    first, second = (new_run_folder(tmp_path / "bags", "a b") for _ in range(2))
     assert first.name.endswith("Z_a_b")
     assert first != second
+    assert first.is_dir()
+    assert second.is_dir()
 
 
 def test_nodes_stay_on_this_machine_and_on_a_free_domain_below_the_ephemeral_ports() -> None:

@@ -105,7 +105,7 @@ def test_a_bag_without_messages_is_complete_and_its_parents_are_created(tmp_path
 
 @pytest.mark.parametrize("name", ["folder", "file", "file/bag"])
 def test_a_folder_that_cannot_be_created_is_refused(tmp_path: Path, name: str) -> None:
-    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "within").mkdir(parents=True)
     (tmp_path / "file").touch()
     with pytest.raises(RecordingError, match=name) as error:
         BagWriter(tmp_path / name)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from skydiver_utc.parameters import ParameterError, Scenario
+from skydiver_utc.parameters.files import write_file
 from skydiver_utc.parameters.loading import named_path
 from skydiver_utc.parameters.yaml_io import read_yaml, write_yaml
 from skydiver_utc.studies.calibration.candidate import build_candidate, numbers_of, skydiver_of
@@ -30,13 +31,13 @@ def write_skydiver(
     files = {"suit": suit, "subject": subject, "posture": skydiver["posture"], "pattern": skydiver["pattern"]}
     subject["suit"] = "suit.yaml"
     for name, content in files.items():
-        (folder / f"{name}.yaml").write_text(write_yaml(content), "utf-8")
+        write_file(folder / f"{name}.yaml", write_yaml(content))
     block = skydiver | {name: f"{name}.yaml" for name in ("subject", "posture", "pattern")}
     before = numbers_of(calibration, start)
     changes = [f"#   {name}: {value:g}, was {before[name]:g}" for name, value in best.numbers.items()]
     head = [f"# Calibrated by {command}: {met}.", *changes]
     path = folder / SKYDIVER
-    path.write_text("\n".join(head) + "\n" + write_yaml(block), "utf-8")
+    write_file(path, "\n".join(head) + "\n" + write_yaml(block))
     return path
 
 
@@ -59,7 +60,7 @@ def report(calibration: Calibration, best: Evaluation, seed: int, tried: int) ->
 
 def write_report(folder: Path, values: dict[str, Any]) -> None:
     """Write calibration.json."""
-    (folder / "calibration.json").write_text(json.dumps(values, indent=2) + "\n", "utf-8")
+    write_file(folder / "calibration.json", json.dumps(values, indent=2) + "\n")
 
 
 def _name_or_content(field: str, content: dict[str, Any]) -> object:

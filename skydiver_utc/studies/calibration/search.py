@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from skydiver_utc.parameters import ParameterError, Scenario
+from skydiver_utc.parameters.files import write_file
 from skydiver_utc.studies.calibration.candidate import numbers_of
 from skydiver_utc.studies.calibration.evaluation import Evaluation, evaluate
 from skydiver_utc.studies.calibration.settings import Calibration
@@ -89,7 +90,7 @@ class _Log:
                 f"{path} is of another calibration or seed: choose another folder, or move this one away"
             )
         self._lines = lines[1:]
-        path.write_text("".join(lines), "utf-8")
+        write_file(path, "".join(lines))
 
     def answer(self, number: int, numbers: dict[str, float]) -> Evaluation | None:
         """The evaluation of these numbers where the log has it."""

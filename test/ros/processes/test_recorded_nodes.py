@@ -186,6 +186,7 @@ def test_a_killed_recorder_leaves_all_but_the_last_moments(
 def test_a_folder_that_exists_ends_the_recorder_with_one_sentence(
     processes: Processes, tmp_path: Path
 ) -> None:
+    (tmp_path / "notes.txt").touch()
     recorder = processes.start("recorder", overrides(bag_folder=str(tmp_path)))
     assert recorder.wait() == 2
     last = recorder.output.strip().splitlines()[-1]

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a command leaves behind: whole files or none, plain text, and nothing outside of its folder."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+from command_line import call
+from recordings import write_run
+from runs import CART, cart, random_run
+
+from skydiver_utc.cli.main import main
+from skydiver_utc.parameters import ParameterError, from_yaml
+from skydiver_utc.parameters.files import new_folder, write_file
+
+FLOWN = CART.replace("{place: 2.0, speed: 0.0}", "{force: 1.0}")  # open loop
+
+
+def invoke(*arguments: object) -> Result:
+    return CliRunner().invoke(main, list(map(str, arguments)))
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    path = tmp_path / "cart.yaml"
+    path.write_text(FLOWN)
+    return path
+
+
+@pytest.fixture
+def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_space(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", no_space)
+
+
+@pytest.mark.usefixtures("full_disk")
+def test_a_full_disk_leaves_the_old_file_and_one_sentence(scenario: Path, tmp_path: Path) -> None:
+    figure = tmp_path / "figure.png"
+    figure.write_bytes(b"old")
+    result = invoke("simulate", scenario, "--quiet", "--figure", figure)
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert str(figure) in result.stderr
+    assert figure.read_bytes() == b"old"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_folder_is_there_as_a_whole_or_not_at_all(tmp_path: Path) -> None:
+    def interrupted() -> None:
+        with new_folder(tmp_path / "made") as draft:
+            (draft / "part").touch()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert list(tmp_path.iterdir()) == []
+    with new_folder(tmp_path / "made") as draft:
+        (draft / "part").touch()
+    assert [path.name for path in (tmp_path / "made").iterdir()] == ["part"]
+
+
+def test_a_link_is_replaced_and_not_followed(tmp_path: Path) -> None:
+    own, link = tmp_path / "own.txt", tmp_path / "link"
+    own.write_text("mine")
+    link.symlink_to(own)
+    write_file(link, "new")
+    assert (own.read_text(), link.read_text(), link.is_symlink()) == ("mine", "new", False)
+
+
+def test_links_in_a_run_folder_lead_nowhere(tmp_path: Path) -> None:
+    own = tmp_path / "own.json"
+    own.write_text('{"secret": "1234"}')
+    run = write_run(tmp_path / "run", random_run(cart()))
+    for name in ("metrics.json", "report.html", "tracking.png", "versions.json", "scenario.yaml"):
+        (run / name).symlink_to(own)
+    assert invoke("analyse", run).exit_code == 0
+    assert own.read_text() == '{"secret": "1234"}'
+    assert "1234" not in (run / "report.html").read_text()
+    assert json.loads((run / "metrics.json").read_text())["outcome"] == "completed"
+    (run / "metadata.yaml").unlink()
+    assert invoke("recover", run).exit_code == 0
+    assert {path.suffix for path in (tmp_path / "run_recovered").iterdir()} == {".mcap", ".yaml"}
+    assert not (tmp_path / "run_recovered" / "scenario.yaml").exists()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("option", [(), ("--json",)])
+def test_a_full_stdout_is_one_sentence(scenario: Path, option: tuple[str, ...]) -> None:
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "skydiver_utc", "simulate", str(scenario), "--quiet", *option]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert "No space" in done.stderr
+
+
+def test_a_locale_without_a_character_gets_another_one(scenario: Path) -> None:
+    title = "title='Grüße ± ☃'"
+    code, stdout, stderr = call("simulate", scenario, "--quiet", "--set", title, PYTHONIOENCODING="ascii")
+    assert (code, stderr) == (0, "")
+    assert stdout.isascii()
+
+
+@pytest.mark.parametrize("name", ["[/b]x", "$\\frac$ %s {0}"])
+def test_a_name_is_text_everywhere(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "cart.yaml"
+    path.write_text(FLOWN.replace("name: cart", f"name: {json.dumps(name)}"))
+    path.write_text(path.read_text().replace("title: A cart on rails", f"title: {json.dumps(name)}"))
+    result = invoke("simulate", path, "--figure", tmp_path / "figure.png")
+    assert result.exit_code == 0, result.output
+    assert name in result.output
+
+
+@pytest.mark.skipif(shutil.which("script") is None, reason="needs script, which makes a terminal")
+def test_a_name_is_text_at_a_terminal(scenario: Path) -> None:
+    scenario.write_text(FLOWN.replace("name: cart", "name: '[/b]x'"))
+    command = (sys.executable, "-m", "skydiver_utc", "simulate", str(scenario))
+    script = ["script", "-qec", " ".join(command), "/dev/null"]
+    done = subprocess.run(script, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+    assert "completed" in done.stdout
+
+
+@pytest.mark.parametrize("text", ["\x1b[31mred", "a\rb", "\x9b1m", "\u202eabc"])
+@pytest.mark.parametrize("field", ["name: cart", "title: A cart on rails", "states: [place, speed]"])
+def test_control_characters_are_refused(text: str, field: str) -> None:
+    name, _, value = field.partition(": ")
+    wrong = f"[place, {json.dumps(text)}]" if value.startswith("[") else json.dumps(text)
+    with pytest.raises(ParameterError, match=name) as error:
+        from_yaml(CART.replace(field, f"{name}: {wrong}"))
+    assert text not in str(error.value)
