@@ -106,6 +106,13 @@ def _run(module: str, function: str, **options: Any) -> NoReturn:
     raise SystemExit(code)
 
 
+def _number(text: object) -> float:
+    """The type of a number: written as in YAML."""
+    from skydiver_utc.parameters.yaml_io import number
+
+    return number(str(text))
+
+
 _version = click.version_option(__version__, message="%(version)s")
 _scenario = click.argument("scenario", metavar="SCENARIO")
 _run_folder = click.argument("folder", metavar="RUN", type=_PATH)
@@ -212,8 +219,8 @@ def recover(**options: Any) -> None:
 
 @main.command(epilog=_CHECK_EXIT_CODES, short_help="Play a recorded run again, or check its controller.")
 @_run_folder
-@click.option("--rate", type=float, help="Speed, in simulated seconds per second.  [default: 1]")
-@click.option("--start", type=float, metavar="S", help="Begin this many seconds after the first message.")
+@click.option("--rate", type=_number, metavar="X", help="Speed, in simulated seconds per second.  [default: 1]")
+@click.option("--start", type=_number, metavar="S", help="Begin this many seconds after the first message.")
 @click.option("--loop", is_flag=True, help="Begin again at the end, until interrupted.")
 @click.option(
     "--topics",
@@ -326,7 +333,7 @@ def extract(**options: Any) -> None:
     help="Write the path here, its first posture beside it.",
 )  # fmt: skip
 @click.option(
-    "--tolerance", default=0.5, show_default=True, type=float, metavar="DEG",
+    "--tolerance", default=0.5, show_default=True, type=_number, metavar="DEG",
     help="How far the path may be from a posture that is left out.",
 )  # fmt: skip
 @_force
@@ -391,7 +398,7 @@ def calibrate(**options: Any) -> None:
     "--plant", metavar="NAME|FILE.yaml", help="A linear plant instead, see config/linear_plants/admire.yaml."
 )
 @click.option(
-    "--alpha", default=0.0, show_default=True,
+    "--alpha", default=0.0, show_default=True, type=_number, metavar="RAD",
     help="Pattern angle [rad] of the steady turn; 0: the straight fall.",
 )  # fmt: skip
 @click.option(
