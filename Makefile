@@ -1,6 +1,8 @@
 PYTHON ?= python3
 VENV ?= .venv
 SCENARIO ?= fast_turn_unknown_dynamics
+FUZZ ?= 5000
+SEED ?= 1
 
 # The package is installed as a user would have it, anew when anything that is installed has changed:
 # the name of the stamp carries a checksum of it all.
@@ -10,12 +12,13 @@ STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help install demo test test-fast kills lint bench bench-tools rivals-tools tools bench-ros study sensitivity paper soak network clean
+.PHONY: help install demo test test-fast fuzz kills lint bench bench-tools rivals-tools tools bench-ros study sensitivity paper soak network clean
 
 help:
 	@echo "make demo      run SCENARIO ($(SCENARIO)) over ROS, recorded below bags/"
 	@echo "make test      all tests, on up to four cores; ARGS=... goes to pytest"
 	@echo "make test-fast the tests that start no processes and take seconds"
+	@echo "make fuzz      damaged scenarios, CSV files, recordings and messages, FUZZ=$(FUZZ) of each kind from SEED=$(SEED); some minutes"
 	@echo "make kills     kill the recorder 20 times during a run, count what is recovered"
 	@echo "make lint      ruff and mypy"
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
@@ -39,6 +42,9 @@ test: $(STAMP)
 
 test-fast: $(STAMP)
 	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/pytest -n auto --maxprocesses 4 --dist worksteal -m 'not long and not processes' $(ARGS)
+
+fuzz: $(STAMP)
+	SKYDIVER_UTC_FUZZ=$(FUZZ) SKYDIVER_UTC_FUZZ_SEED=$(SEED) $(VENV)/bin/pytest -q -n auto test/fuzz $(ARGS)
 
 kills: $(STAMP)
 	SKYDIVER_UTC_KILLS=20 $(VENV)/bin/pytest -q test/ros/processes/test_recorded_nodes.py $(ARGS)
