@@ -219,7 +219,9 @@ def recover(**options: Any) -> None:
 
 @main.command(epilog=_CHECK_EXIT_CODES, short_help="Play a recorded run again, or check its controller.")
 @_run_folder
-@click.option("--rate", type=_number, metavar="X", help="Speed, in simulated seconds per second.  [default: 1]")
+@click.option(
+    "--rate", type=_number, metavar="X", help="Speed, in simulated seconds per second.  [default: 1]"
+)
 @click.option("--start", type=_number, metavar="S", help="Begin this many seconds after the first message.")
 @click.option("--loop", is_flag=True, help="Begin again at the end, until interrupted.")
 @click.option(
