@@ -12,7 +12,7 @@ STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help install demo test test-fast fuzz kills lint bench bench-tools rivals-tools tools bench-ros study sensitivity paper soak network clean
+.PHONY: help install demo test test-fast fuzz kills lint bench bench-tools rivals-tools tools bench-ros study sensitivity paper soak network package clean
 
 help:
 	@echo "make demo      run SCENARIO ($(SCENARIO)) over ROS, recorded below bags/"
@@ -29,8 +29,21 @@ help:
 	@echo "make paper     make all of docs/paper and docs/figures/tuning again, study included, sensitivity not"
 	@echo "make soak      30 simulated minutes in lockstep, 10 minutes in real time: memory, losses, lateness"
 	@echo "make network   run over two machines with a network between them that delays and loses; Linux, root"
+	@echo "make package   build a wheel and an sdist, and run the wheel alone, without ROS"
 	@echo "make install   only install into $(VENV)"
 	@echo "make clean     remove what builds and tests left behind; keeps $(VENV) and bags/"
+
+# A wheel and an sdist of the files under version control, and the wheel alone, without ROS, in an environment of its own.
+package: $(STAMP)
+	rm -rf build/package && mkdir -p build/package
+	git archive HEAD | tar -x -C build/package
+	cd build/package && ../../$(VENV)/bin/python -m pip wheel --quiet --no-deps --no-build-isolation -w dist .
+	cd build/package && ../../$(VENV)/bin/python setup.py --quiet sdist
+	$(PYTHON) -m venv build/package/venv
+	build/package/venv/bin/pip install --quiet --disable-pip-version-check build/package/dist/*.whl
+	cd build/package/dist && ../venv/bin/skydiver-utc simulate fast_turn_pi_dynamics
+	cd build/package/dist && ../venv/bin/python ../examples/scalar_linear.py
+	tar -tzf build/package/dist/*.tar.gz | grep -q test/package/test_distribution.py
 
 install: $(STAMP)
 

@@ -87,6 +87,25 @@ def test_setup_declares_every_library_that_is_imported(setup_arguments: dict[str
     assert {DISTRIBUTIONS.get(name, name) for name in libraries} == declared
 
 
+# Libraries for which rosdep has no key.
+WITHOUT_KEY = {"cmaes", "daqp", "lz4", "mcap", "zstandard"}
+KEYS = {"pyyaml": "python3-yaml", "rosbags": "python3-rosbags-pip"}
+
+
+def test_manifest_names_every_library_of_setup_that_rosdep_knows(
+    setup_arguments: dict[str, Any], manifest: ElementTree.Element
+) -> None:
+    libraries = {re.split(r"[<>=\[]", requirement)[0] for requirement in setup_arguments["install_requires"]}
+    wanted = {KEYS.get(name, f"python3-{name}") for name in libraries - WITHOUT_KEY}
+    named = {str(element.text) for element in manifest.iter("exec_depend")}
+    assert {name for name in named if name.startswith("python3-")} == wanted
+    launched = {
+        element.tag for path in (ROOT / "launch").glob("*.xml") for element in ElementTree.parse(path).iter()
+    }
+    assert "launch" in launched
+    assert {"launch", "launch_ros", "launch_xml"} <= named
+
+
 def test_everything_that_is_read_at_run_time_is_installed(setup_arguments: dict[str, Any]) -> None:
     installed = {
         f"{target}/{Path(source).name}": source
