@@ -132,6 +132,8 @@ def refuse_unresolved(text: str, origin: str) -> None:
     """Raise `ParameterError` for a text that is too long, or has aliases: `write_yaml` writes values out."""
     if len(text) > _LONGEST:
         raise ParameterError(f"{origin} has {len(text)} characters: the most are {_LONGEST}")
+    if "*" not in text:
+        return
     try:
         found = any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=_StrictLoader))
     except _NO_YAML:

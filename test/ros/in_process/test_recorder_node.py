@@ -251,7 +251,7 @@ def test_without_a_name_the_folder_is_named_by_time_and_scenario(
 
 @pytest.mark.parametrize("name", ["there", "file/run"])
 def test_a_folder_that_cannot_be_made_is_refused(ros: Ros, tmp_path: Path, name: str) -> None:
-    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "within").mkdir(parents=True)
     (tmp_path / "file").touch()
     with pytest.raises(RecordingError, match=name):
         RecorderNode(ros.context, overrides(bag_folder=str(tmp_path / name)))
