@@ -25,7 +25,7 @@ from skydiver_utc.nodes.topics import EACH_STEP
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.parameters.nanoseconds import NANOSECONDS
 from skydiver_utc.parameters.nodes import PlayerNodeSettings, resolve_player
-from skydiver_utc.recording.metadata import parse_qos_profiles
+from skydiver_utc.recording.metadata import recorded_qos_profiles
 from skydiver_utc.recording.playback import CLOCK_TYPE, Item, Playback, chosen, in_order
 from skydiver_utc.recording.reader import RecordedTopic, read_bag
 from skydiver_utc.recording.schemas import message_schema
@@ -154,12 +154,13 @@ def _message_class(topic: RecordedTopic) -> Any:
 
 
 def _quality(topic: RecordedTopic) -> QoSProfile:
-    """The offered quality of service; reliable, volatile and deep where the bag has none."""
-    profile = next(iter(parse_qos_profiles(topic.qos_profiles_yaml)), {})
+    """The offered quality of service; reliable, volatile and deep where the bag has none that can be used."""
+    profile = next(iter(recorded_qos_profiles(topic.qos_profiles_yaml)), {})
+    depth = profile.get("depth")
     latched = profile.get("durability") == "transient_local"
     best_effort = profile.get("reliability") == "best_effort"
     return QoSProfile(
-        depth=int(profile.get("depth") or _DEPTH),
+        depth=depth if isinstance(depth, int) and 0 < depth <= _DEPTH else _DEPTH,
         durability=QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE,
         reliability=QoSReliabilityPolicy.BEST_EFFORT if best_effort else QoSReliabilityPolicy.RELIABLE,
     )

@@ -28,8 +28,12 @@ _MOST_VALUES, _DEEPEST = 300_000, 100
 _LONGEST = 4_000_000  # characters of a resolved scenario, which has some ten thousand
 
 
-class _StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """Refuses a key that stands twice in a block; libyaml's parser where it is there."""
+# In C where PyYAML was built with libyaml.
+_SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class _StrictLoader(_SafeLoader):  # type: ignore[misc]
+    """Refuses a key that stands twice in a block."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}
 

@@ -86,7 +86,7 @@ def _topic_entries(topics: Sequence[StoredTopic]) -> list[dict[str, Any]]:
             "name": topic.name,
             "type": topic.definition.type_name,
             "serialization_format": topic.encoding,
-            "offered_qos_profiles": _profiles(topic),
+            "offered_qos_profiles": recorded_qos_profiles(topic.metadata.get(QOS_KEY, "")),
             "type_description_hash": topic.metadata.get(HASH_KEY, ""),
         }
         entry = entries.setdefault(topic.name, {"topic_metadata": metadata, "message_count": 0})
@@ -94,10 +94,10 @@ def _topic_entries(topics: Sequence[StoredTopic]) -> list[dict[str, Any]]:
     return list(entries.values())
 
 
-def _profiles(topic: StoredTopic) -> list[dict[str, Any]]:
-    """The offered QoS profiles, none where their text is damaged."""
+def recorded_qos_profiles(text: str) -> list[dict[str, Any]]:
+    """The QoS profiles that a recording has, none where their text is damaged."""
     try:
-        return parse_qos_profiles(topic.metadata.get(QOS_KEY, ""))
+        return parse_qos_profiles(text)
     except RecordingError:
         return []
 

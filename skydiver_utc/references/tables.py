@@ -12,6 +12,7 @@ from pydantic import model_validator
 from typing_extensions import Self
 
 from skydiver_utc.parameters.fields import quantity, text
+from skydiver_utc.parameters.yaml_io import number as finite_number
 from skydiver_utc.references.curve import Array, Curve, CurveSettings
 from skydiver_utc.references.profiles import Output, Seconds
 
@@ -74,7 +75,10 @@ class Csv(CurveSettings):
 
     def curve(self) -> Curve:
         """The table as a curve. Raises ValueError that names the line."""
-        header, *rows = [row for row in csv.reader(self.table.splitlines()) if row] or [[]]
+        try:
+            header, *rows = [row for row in csv.reader(self.table.splitlines()) if row] or [[]]
+        except csv.Error as error:
+            raise ValueError(f"the table is no CSV: {error}") from error
         names = [name.strip() for name in header]
         if len(names) < 2 or names[0] != _TIME or not all(names):
             raise ValueError(f"the header of the table is {names}: write {_TIME} and the names of outputs")
@@ -95,12 +99,9 @@ def _numbers(row: list[str], number: int, count: int) -> list[float]:
     if len(row) != count:
         raise ValueError(f"row {number} of the table has {len(row)} entries, its header {count}")
     try:
-        values = [float(entry) for entry in row]
+        return [finite_number(entry) for entry in row]
     except ValueError as error:
         raise ValueError(f"row {number} of the table has an entry that is no number: {error}") from error
-    if not all(map(math.isfinite, values)):
-        raise ValueError(f"row {number} of the table has an entry that is not finite: write a number")
-    return values
 
 
 def _column(name: str) -> tuple[str, float]:
