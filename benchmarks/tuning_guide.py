@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of docs/tuning.md: for each step of the recipe right and wrong settings of the athlete side by side.
+"""The figures of docs/tuning-skydiver.md: right and wrong settings of the athlete for each step beside each other.
 
 ``python benchmarks/tuning_guide.py docs/figures/tuning``
 """

@@ -368,7 +368,7 @@ def test_figures_have_two_digits_or_are_whole(value: float | None, text: str) ->
 
 
 def test_every_flight_of_the_tuning_guide_loads_and_is_shown_in_it() -> None:
-    text = (PAPER.parent / "tuning.md").read_text(encoding="utf-8")
+    text = (PAPER.parent / "tuning-skydiver.md").read_text(encoding="utf-8")
     for step in STEPS:
         assert f"figures/tuning/{step.name}.png" in text
         assert (PAPER.parent / "figures" / "tuning" / f"{step.name}.png").is_file()
