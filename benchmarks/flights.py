@@ -34,7 +34,7 @@ def fly(scenario: Scenario, mode: str, folder: Path) -> tuple[dict[str, Any], Me
         resolved = folder / "scenario.yaml"
         resolved.write_text(to_yaml(scenario), encoding="utf-8")
         common: Parameters = {"scenario": str(resolved), "wait_for_recorder": True}
-        nodes.start(RECORDER, {"scenario": str(resolved), "bag_folder": str(folder / BAG)})
+        nodes.start(RECORDER, {"scenario": str(resolved), "out": str(folder / BAG)})
         nodes.start(CONTROLLER, common | {"mode": mode})
         nodes.start(REFERENCE, common)
         nodes.start(PLANT, common | {"mode": mode, "progress": True})

@@ -64,7 +64,7 @@ class TwoMachines:
         common = {"scenario": SCENARIO, "duration_s": duration_s}
         waiting = {**common, "wait_for_recorder": True}
         places = {
-            "recorder": (plants, {**common, "bag_folder": folder / "bag"}),
+            "recorder": (plants, {**common, "out": folder / "bag"}),
             "controller": (controllers, {**waiting, "mode": mode, **controller}),
             "reference": (controllers, common),
             "plant": (plants, {**waiting, "mode": mode, "progress": True, **plant}),

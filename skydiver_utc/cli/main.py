@@ -174,7 +174,7 @@ def simulate(**options: Any) -> None:
 @click.argument("scenarios", metavar="[NAME=]SCENARIO...", nargs=-1, required=True)
 @_settings
 @click.option(
-    "--folder", type=_PATH, metavar="FOLDER", help="The run folder, instead of a new one below bags/."
+    "--out", "folder", type=_PATH, metavar="FOLDER", help="The run folder, instead of a new one below bags/."
 )
 @click.option("--real-time", is_flag=True, help="Step by the clock instead of waiting for each command.")
 @click.option(

@@ -76,7 +76,7 @@ class _NodesOfRun:
         """Start the four nodes; `waiting` are the parameters of all but the recorder."""
         common: Parameters = {"scenario": str(scenario)}
         waiting = common | waiting
-        self.nodes.start(RECORDER, common | {"bag_folder": str(self.planned.folder.absolute())})
+        self.nodes.start(RECORDER, common | {"out": str(self.planned.folder.absolute())})
         self.nodes.start(CONTROLLER, waiting | {"delay_steps": delay_steps})
         self.nodes.start(REFERENCE, waiting)
         self.nodes.start(PLANT, waiting | {"progress": True})

@@ -68,7 +68,7 @@ class RecorderNode(ScenarioNode):
 
     def configure(self) -> None:
         """Open a new bag, subscribe to every topic."""
-        self.folder = Path(self.settings.bag_folder or new_run_folder(Path("bags"), self.scenario.name))
+        self.folder = Path(self.settings.out or new_run_folder(Path("bags"), self.scenario.name))
         self._run = self._new_run()
         self._waiting.clear()
         self.failure, self.not_recorded, self.done, self._disk_is_slow = "", 0, False, False

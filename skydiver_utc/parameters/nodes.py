@@ -93,9 +93,7 @@ class ControllerNodeSettings(_PartnerSettings):
 class RecorderNodeSettings(NodeSettings):
     """The recorder: writes every topic into a rosbag2 folder until the outcome or an interrupt."""
 
-    bag_folder: Annotated[
-        str, text("folder of the bag, not existing yet; empty: bags/<UTC time>_<scenario>")
-    ] = ""
+    out: Annotated[str, text("folder of the bag, not existing yet; empty: bags/<UTC time>_<scenario>")] = ""
 
 
 class PlayerNodeSettings(Parameters):
@@ -105,7 +103,9 @@ class PlayerNodeSettings(Parameters):
     rate: Annotated[float, quantity("1", "recorded seconds per second", gt=0, le=1000)] = 1.0
     start_s: Annotated[float, quantity("s", "recorded time to start at", ge=0)] = 0.0
     loop: Annotated[bool, text("start again at the end")] = False
-    topics: Annotated[tuple[str, ...], text("topics to publish; empty: all")] = ()
+    topics: Annotated[
+        tuple[str, ...], text("topics to publish; empty: all but logs and parameter events")
+    ] = ()
 
 
 SETTINGS: Mapping[str, type[Parameters]] = {

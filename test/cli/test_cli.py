@@ -137,7 +137,7 @@ class TestFiles:
     """Refusals of files and folders."""
 
     def test_run_folder_that_exists(self, tmp_path: Path) -> None:
-        assert str(tmp_path) in refused("run", SCENARIO, "--folder", tmp_path)
+        assert str(tmp_path) in refused("run", SCENARIO, "--out", tmp_path)
 
     def test_folder_without_a_bag(self, tmp_path: Path) -> None:
         assert str(tmp_path) in refused("analyse", tmp_path)

@@ -22,9 +22,7 @@ class Stage:
 
     def __init__(self, ros: Ros, folder: Path, **parameters: object) -> None:
         self.ros, self.folder = ros, folder
-        self.node: RecorderNode = ros.add(
-            RecorderNode(ros.context, overrides(bag_folder=str(folder), **parameters))
-        )
+        self.node: RecorderNode = ros.add(RecorderNode(ros.context, overrides(out=str(folder), **parameters)))
         self.others: Partner = ros.partner("others")
         self.ready = self.others.receive(topics.RECORDER_READY)
         self.sent: list[tuple[str, bytes]] = []

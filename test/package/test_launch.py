@@ -33,7 +33,7 @@ def test_arguments_of_the_closed_loop() -> None:
         "reference",
     }
     assert not str(defaults["namespace"]).startswith("/")
-    assert (defaults["mode"], defaults["record"], defaults["output_folder"]) == ("lockstep", "true", "")
+    assert (defaults["mode"], defaults["record"], defaults["out"]) == ("lockstep", "true", "")
     timeouts = [
         float(e.get("value", "")) for e in CLOSED_LOOP.iter("let") if e.get("name") == "sigterm_timeout"
     ]
@@ -66,7 +66,7 @@ def test_two_skydivers_differ_in_namespace_clock_and_folder() -> None:
     assert len(given) == 2
     known = {argument.get("name") for argument in CLOSED_LOOP.findall("arg")}
     assert all(set(arguments) <= known for arguments in given)
-    for name in ("namespace", "clock", "output_folder"):
+    for name in ("namespace", "clock", "out"):
         assert given[0][name] != given[1][name]
 
 

@@ -43,7 +43,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     given = {"scenario": cart_file(folder)}
     waiting = given | {"wait_for_recorder": True}
     with reserved_domain() as domain, closing(Ros(domain)) as ros:
-        recorder = ros.add(RecorderNode(ros.context, given | {"bag_folder": str(folder / "run")}))
+        recorder = ros.add(RecorderNode(ros.context, given | {"out": str(folder / "run")}))
         nodes = [ros.add(kind(ros.context, waiting)) for kind in (ReferenceNode, ControllerNode, PlantNode)]
         ros.spin_until(lambda: recorder.finished)
         for node in (*nodes, recorder):

@@ -47,7 +47,7 @@ def test_a_disk_that_runs_full_does_not_stop_the_run(
     Disk(monkeypatch, room=60_000)
     folder = tmp_path / "run"
     given = {"scenario": cart_file(tmp_path), "duration_s": 8.0}
-    recorder = ros.add(RecorderNode(ros.context, given | {"bag_folder": str(folder)}))
+    recorder = ros.add(RecorderNode(ros.context, given | {"out": str(folder)}))
     waiting = given | {"wait_for_recorder": True}
     ros.add(ReferenceNode(ros.context, waiting))
     ros.add(ControllerNode(ros.context, waiting))

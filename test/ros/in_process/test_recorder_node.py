@@ -254,4 +254,4 @@ def test_a_folder_that_cannot_be_made_is_refused(ros: Ros, tmp_path: Path, name:
     (tmp_path / "there" / "within").mkdir(parents=True)
     (tmp_path / "file").touch()
     with pytest.raises(RecordingError, match=name):
-        RecorderNode(ros.context, overrides(bag_folder=str(tmp_path / name)))
+        RecorderNode(ros.context, overrides(out=str(tmp_path / name)))

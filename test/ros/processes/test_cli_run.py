@@ -45,7 +45,7 @@ class Command:
 
     def start_long_run(self, *scenarios: str, folder: Path) -> "subprocess.Popen[str]":
         """A run of ten minutes, once each of its recordings has messages."""
-        process = self.start("run", *scenarios, "--folder", str(folder), "--set", "duration_s=600")
+        process = self.start("run", *scenarios, "--out", str(folder), "--set", "duration_s=600")
         names = [scenario.partition("=")[0] for scenario in scenarios] if len(scenarios) > 1 else [""]
         files = [folder / name / f"{name or folder.name}_0.mcap" for name in names]
         wait_for(lambda: all(f.is_file() and f.stat().st_size > 20_000 for f in files), process)
@@ -76,7 +76,7 @@ def command(domain: int, tmp_path: Path) -> Command:
 
 def test_a_run_with_a_plant_of_ones_own_is_the_simulated_one(command: Command, tmp_path: Path) -> None:
     folder = tmp_path / "bags" / "run"
-    code, stdout, stderr = command.run("run", command.cart, "--folder", str(folder), "--json")
+    code, stdout, stderr = command.run("run", command.cart, "--out", str(folder), "--json")
     assert code == 0, stderr
     assert json.loads(stdout)["outcome"] == "completed"
     assert json.loads((folder / "metrics.json").read_text(encoding="utf-8")) == json.loads(stdout)
@@ -92,7 +92,7 @@ def test_several_runs_side_by_side_have_their_own_namespace_clock_and_folder(
     other.write_text(CART.replace("dt_s: 0.01", "dt_s: 0.02"), encoding="utf-8")
     folder = tmp_path / "run"
     code, stdout, stderr = command.run(
-        "run", f"anna={command.cart}", str(other), "--folder", str(folder), "--json"
+        "run", f"anna={command.cart}", str(other), "--out", str(folder), "--json"
     )
     assert code == 0, stderr
     values = json.loads(stdout)
@@ -152,7 +152,7 @@ def test_the_failure_of_one_of_two_runs_names_its_node_and_both_recordings(
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
 def test_a_run_whose_recorder_is_killed_reaches_its_end(command: Command, tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    process = command.start("run", command.cart, "--folder", str(folder), "--set", "duration_s=30")
+    process = command.start("run", command.cart, "--out", str(folder), "--set", "duration_s=30")
     file = folder / "run_0.mcap"
     wait_for(lambda: file.is_file() and file.stat().st_size > 60_000, process)
     os.kill(command.node_of(process, "recorder"), signal.SIGKILL)
@@ -165,7 +165,7 @@ def test_a_run_whose_recorder_is_killed_reaches_its_end(command: Command, tmp_pa
 
 def test_a_node_that_fails_is_named_with_its_reason(command: Command, tmp_path: Path) -> None:
     code, stdout, stderr = command.run(
-        "run", command.cart, "--folder", str(tmp_path / "run"), RMW_IMPLEMENTATION="rmw_of_nobody"
+        "run", command.cart, "--out", str(tmp_path / "run"), RMW_IMPLEMENTATION="rmw_of_nobody"
     )
     assert (code, stdout) == (1, "")
     assert "node of skydiver failed" in stderr

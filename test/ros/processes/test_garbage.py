@@ -28,7 +28,7 @@ def test_random_bytes_on_every_topic_stop_no_node(ros: Ros, processes: Processes
     given = {"scenario": cart_file(tmp_path), "duration_s": 600.0}
     waiting = given | {"wait_for_recorder": True}
     nodes = [
-        processes.start("recorder", given | {"bag_folder": tmp_path / "run"}),
+        processes.start("recorder", given | {"out": tmp_path / "run"}),
         processes.start("controller", waiting),
         processes.start("reference", waiting),
         processes.start("plant", waiting | {"command_timeout_s": 0.5, "command_retries": 1000}),

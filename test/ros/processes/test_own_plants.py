@@ -15,7 +15,7 @@ PLANTS = Path(__file__).parents[3] / "examples" / "own_plant"
 @pytest.mark.parametrize(("name", "state"), [("pendulum", "JointState"), ("quadrotor", "Odometry")])
 def test_a_plant_of_ones_own_is_run_analysed_and_checked(tmp_path: Path, name: str, state: str) -> None:
     bag = tmp_path / "bag"
-    given = ("--set", "duration_s=0.5", "--folder", bag, "--quiet", "--json")
+    given = ("--set", "duration_s=0.5", "--out", bag, "--quiet", "--json")
     code, stdout, stderr = call("run", PLANTS / f"{name}.yaml", *given, folder=tmp_path)
     assert code == 0, stderr
     assert json.loads(stdout)["outcome"] == "completed"

@@ -34,7 +34,7 @@ LARGEST_LOSS_S = 0.5 if "SKYDIVER_UTC_KILLS" in os.environ else float("inf")
 def test_four_processes_equal_the_simulation(processes: Processes, tmp_path: Path) -> None:
     folder, given = tmp_path / "bag", overrides(1.0)
     waiting = given | {"wait_for_recorder": True}
-    recorder = processes.start("recorder", given | {"bag_folder": folder})
+    recorder = processes.start("recorder", given | {"out": folder})
     servers = [processes.start("controller", waiting), processes.start("reference", waiting)]
     plant = processes.start("plant", waiting | {"progress": True})
     assert plant.wait() == 0, plant.output
@@ -66,7 +66,7 @@ class Recorded:
         self.plant: PlantNode = ros.add(PlantNode(ros.context, waiting))
 
     def start_recorder(self, folder: Path) -> NodeProcess:
-        return self._processes.start("recorder", self.given | {"bag_folder": folder})
+        return self._processes.start("recorder", self.given | {"out": folder})
 
     def until_step(self, k: int) -> None:
         self.ros.spin_until(lambda: self.plant.k >= k)
@@ -187,7 +187,7 @@ def test_a_folder_that_exists_ends_the_recorder_with_one_sentence(
     processes: Processes, tmp_path: Path
 ) -> None:
     (tmp_path / "notes.txt").touch()
-    recorder = processes.start("recorder", overrides(bag_folder=str(tmp_path)))
+    recorder = processes.start("recorder", overrides(out=str(tmp_path)))
     assert recorder.wait() == 2
     last = recorder.output.strip().splitlines()[-1]
     assert last.startswith("recorder_node: ")
