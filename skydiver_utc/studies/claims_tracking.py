@@ -9,6 +9,8 @@ from skydiver_utc.studies.markdown import figure
 from skydiver_utc.studies.paper_results import PaperResults
 
 _LAYOUT_DEG = 10.0
+# Statuses of steps in which a controller finds no way.
+_STUCK = ("kept_previous", "not_reached", "no_effect")
 
 
 def tracks(results: PaperResults) -> Claim:
@@ -75,7 +77,7 @@ def cheaper(results: PaperResults) -> Claim:
 
 
 def no_convergence_problems(results: PaperResults) -> Claim:
-    """Steps without an answer."""
+    """Steps without an answer, and steps in which the controller is stuck."""
     usual = {one.command for one in flown.CONFIGURATIONS.values()}
     cases = flown.all_cases()
     utc = {
@@ -85,7 +87,9 @@ def no_convergence_problems(results: PaperResults) -> Claim:
     }
     flights = {command: one for command, one in results.measures.items() if cases[command].scenario in utc}
     steps = sum(sum(one.status_steps.values()) for one in flights.values())
-    kept = {command: one.status_steps["kept_previous"] for command, one in flights.items()}
+    kept = {
+        command: sum(one.status_steps.get(status, 0) for status in _STUCK) for command, one in flights.items()
+    }
     stuck = [f"`{command}`" for command, count in kept.items() if count]
     where = f", all in {', '.join(stuck)}" if stuck else ""
     rescued = {command: one.rescued_steps for command, one in flights.items() if one.rescued_steps}
@@ -95,10 +99,11 @@ def no_convergence_problems(results: PaperResults) -> Claim:
     )
     return decided(
         "There are no convergence problems that optimization engines have to deal with",
-        "no step of UTC without an answer; none that has one only because this package takes the covariances about"
+        "no step of UTC without an answer, none in which no control moves the output or a reference that stands still"
+        " stays out of reach; none that has one only because this package takes the covariances about"
         " the central point, in the configurations and in any other flight",
-        f"{sum(kept.values())} of {steps} steps in {len(flights)} flights without an answer{where}; by the remedy:"
-        f" {saved or 'none'}",
+        f"{sum(kept.values())} of {steps} steps in {len(flights)} flights without an answer or stuck{where}; by the"
+        f" remedy: {saved or 'none'}",
         [not stuck, not usual & rescued.keys(), not rescued],
         "With a weight W0 far below zero the covariance of the predicted output turns negative, and the paper's"
         " equations have no answer.",

@@ -13,7 +13,13 @@ from skydiver_utc.controllers.utc.verdict import not_reached, without_effect
 from skydiver_utc.jit import contents, kernel, program
 from skydiver_utc.unscented.covariance import symmetric_root
 from skydiver_utc.unscented.linear_algebra import gain
-from skydiver_utc.unscented.sigma_points import TURN, add_cross_covariance, spread, unwrap, weighted_mean
+from skydiver_utc.unscented.sigma_points import (
+    TURN,
+    add_cross_covariance,
+    spread,
+    unwrap,
+    weighted_mean,
+)
 
 Array = NDArray[np.float64]
 
@@ -40,9 +46,9 @@ class Law(NamedTuple):
     tracked: how many outputs the preview is for, of `per_step` at each step of the horizon that counts
     tangent: the reference is continued from now and its next change, instead of taken from the preview
     angles: which of the L outputs are angles, whose means and differences are those on the circle
-    centre: the innovation counts from the output of the control itself, the central point, instead of from the mean
+    of_control: the innovation counts from the output of the control itself instead of from the mean output
     offset (L,): what the plant's output is above the model's, as estimated
-    reference, predicted and innovation (L,), control (m,), Pu (m, m): moved on by each step
+    reference, mean output, predicted and innovation (L,), control (m,), Pu (m, m): moved on by each step
     repaired_Pu (m, m): Pu without eigenvalues below the floor
     gain (m, L): K; effect (L,): the largest variance of an output that one control explains
     alive (2m+1,): 1 for the points that did not diverge, else 0
@@ -68,11 +74,12 @@ class Law(NamedTuple):
     per_step: int
     tangent: bool
     angles: NDArray[np.int64]
-    centre: bool
+    of_control: bool
     outputs: Array
     saved: Array
     offset: Array
     reference: Array
+    mean: Array
     predicted: Array
     innovation: Array
     control: Array
@@ -162,7 +169,8 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
     U, Y = np.empty(m), np.empty(L)
     weighted_mean(saved, left, U)
     weighted_mean(outputs, left, Y)
-    following, C_y, K, e = np.empty((m, m)), np.empty((L, L)), law.gain, np.empty(L)
+    following, C_y, K = np.empty((m, m)), np.empty((L, L)), law.gain
+    e, at, beside = np.empty(L), np.empty(L), np.empty(m)
     found, recovery, unmoved = False, _NONE, False
     for attempt in range(3):
         if found or (attempt == _ABOUT_CENTRE and not left[0] < 0.0):
@@ -182,15 +190,23 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
     if not found:
         return
     for k in range(L):
-        e[k] = Y[k] + law.offset[k]
+        at[k] = Y[k]
     # Beside a lost point the mean would move away from it, step by step.
-    if (law.centre or narrow) and alive[0] > 0.0:
+    if narrow and alive[0] > 0.0:
         for a in range(m):
             U[a] = saved[0, a]
         for k in range(L):
-            e[k] = outputs[0, k] + law.offset[k]
+            at[k] = outputs[0, k]
+    elif law.of_control and alive[0] > 0.0:
+        for a in range(m):
+            beside[a] = U[a] - saved[0, a]
+        _answer_of(law, beside, at)
+        for k in range(L):
+            at[k] += outputs[0, k]
     for k in range(L):
-        e[k] = reference[k] - e[k]
+        law.mean[k] = Y[k] + law.offset[k]
+        at[k] += law.offset[k]
+        e[k] = reference[k] - at[k]
     for t in range(law.angles.shape[0]):
         k = law.angles[t]
         e[k] -= TURN * np.rint(e[k] / TURN)
@@ -217,7 +233,7 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
         for b in range(m):
             law.Pu[a, b] = law.kept_share * following[a, b]
     for k in range(L):
-        law.predicted[k], law.innovation[k] = Y[k] + law.offset[k], e[k]
+        law.predicted[k], law.innovation[k] = at[k], e[k]
     status = _SATURATED if saturated else _SOLVED
     if repaired > ROUNDING * trace or lost > 0 or recovery != _NONE:
         status = _REPAIRED
@@ -231,6 +247,31 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
     for a in range(m):
         out[2 * law.tracked + a] = np.sqrt(max(law.Pu[a, a], 0.0))
     out[2 * law.tracked + m + 1], out[2 * law.tracked + m + 2] = recovery, lost
+
+
+@kernel
+def _answer_of(law: Law, change: Array, answer: Array) -> None:
+    """The innovation (L,) of the plant's outputs that the gain would turn into a change (m,) of the control.
+
+    The mean of points at bounds lies beside the control. Without this the update would follow it there, away from the
+    reference; with it, it does so only where no output sees it.
+    """
+    K, size = law.gain, law.per_step * law.steps.shape[0]
+    squares, found, rest = np.zeros((size, size)), np.zeros((1, size)), np.zeros((1, 1))
+    trace = 0.0
+    for i in range(size):
+        unit = np.sqrt(law.P_err[i, i])
+        for a in range(K.shape[0]):
+            share = K[a, i] * unit / law.repaired_Pu[a, a]
+            found[0, i] += share * change[a]
+            for k in range(size):
+                squares[i, k] += share * K[a, k] * np.sqrt(law.P_err[k, k])
+        trace += squares[i, i]
+    for i in range(size):
+        squares[i, i] += _LEAST_OUTPUT_SHARE * trace
+    solved = gain(squares, found, rest)
+    for k in range(answer.shape[0]):
+        answer[k] = found[0, k] * np.sqrt(law.P_err[k, k]) if solved and k < size else 0.0
 
 
 @kernel

@@ -24,7 +24,8 @@ class UtcResult:
         of the horizon at which outputs are taken; a step that keeps the previous control repeats the last prediction
         and has no innovation
     unit (l,): sqrt(P_err) of each
-    of_control (l,): output of the control itself, without the spread of the sigma points; NaN where it diverged
+    of_control, mean_output (l,): output of the control before the step, NaN where it diverged, and the mean of the
+        outputs of the sigma points; `innovation` of the settings says with which the reference is compared
     sigma_points (2m+1, m), outputs (2m+1, l): controls that were tried, the present one first, and their outputs
     gain (m, l): K, which turns the innovation into a change of the control
     covariance (m, m): Pu after the step; grown: the controls whose variance in it is above any that they need
@@ -43,6 +44,7 @@ class UtcResult:
     innovation: Array
     unit: Array
     of_control: Array
+    mean_output: Array
     sigma_points: Array
     outputs: Array
     gain: Array
@@ -112,9 +114,10 @@ class UtcResult:
         far = abs(self.normalised_innovation[worst])
         of_unit = f", {far:.3g} sqrt(P_err)," if far > LARGE else ""
         text = f"the reference is {np.abs(self.innovation).max():.3g}{of_unit} from the predicted output"
-        apart = np.abs(self.of_control - self.predicted)
+        apart = np.abs(self.of_control - self.mean_output)
         if (apart > self.unit).any():
-            text += f", which is {apart[np.argmax(apart / self.unit)]:.3g} from that of the control itself"
+            worst = int(np.argmax(apart / self.unit))
+            text += f"; the output of the control itself is {apart[worst]:.3g} from the mean of the points"
         return text
 
     @property

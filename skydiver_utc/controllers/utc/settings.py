@@ -110,10 +110,10 @@ class UtcSettings(SlotSettings):
         tuple[str, ...], text("outputs that are angles [rad]: 2 pi further they are the same")
     ] = ()
     innovation: Annotated[
-        Literal["mean", "centre"],
+        Literal["mean", "control"],
         text(
-            "prediction that the reference is compared with: the mean of the sigma points, or the output of the"
-            " control itself, which leaves no offset where the output is curved"
+            "prediction that the reference is compared with: the mean of the sigma points' outputs (eq:zpred), or the"
+            " output of the control itself, which leaves no offset where the output is curved"
         ),
     ] = "mean"
     offset_share: Annotated[
@@ -147,6 +147,13 @@ class UtcSettings(SlotSettings):
     forgetting_factor: Annotated[
         float, quantity("1", "share of Pu that is forgotten in each step", ge=0, lt=1)
     ] = 0.0
+    tuned_at_dt_s: Annotated[
+        Annotated[float, quantity("s", "step at which the numbers per step were tuned", gt=0, le=10)] | None,
+        text(
+            "step [s] at which horizon_steps, Qu, Qu_ratio and forgetting_factor were tuned; with another dt they are"
+            " converted, which keeps what they do per second; null: they count per step, whatever dt"
+        ),
+    ] = None
     aim: Annotated[
         Literal["end_point", "tangent"],
         text("target of the outputs: the reference at the horizon, or the present tangent of the reference"),
@@ -168,10 +175,40 @@ class UtcSettings(SlotSettings):
         """The steps at which outputs are tracked."""
         return self.horizon_steps if isinstance(self.horizon_steps, tuple) else (self.horizon_steps,)
 
+    def at_step(self, dt_s: float) -> Self:
+        """The settings that do the same per second with a step of dt_s, where `tuned_at_dt_s` tells theirs.
+
+        The horizon keeps its length; Qu grows with the step, and what is not forgotten in a step is a power of it.
+        P_err and nominal variances are no densities: they say how close is close enough.
+        """
+        if self.tuned_at_dt_s is None or self.tuned_at_dt_s == dt_s:
+            return self
+        steps_in_one = dt_s / self.tuned_at_dt_s
+        horizon = tuple(sorted({max(1, round(step / steps_in_one)) for step in self.steps}))
+        given = self.model_dump() | {
+            "horizon_steps": horizon[0] if len(horizon) == 1 else horizon,
+            "Qu": None if self.Qu is None else _scaled(self.Qu, steps_in_one),
+            "Qu_ratio": steps_in_one * self.Qu_ratio,
+            "forgetting_factor": 1.0 - (1.0 - self.forgetting_factor) ** steps_in_one,
+            "tuned_at_dt_s": dt_s,
+        }
+        return type(self).model_validate(given)
+
     def preview_steps(self, dt_s: float) -> int:
         """Steps of reference that a decision takes beyond the present one."""
+        if self.at_step(dt_s) is not self:
+            return self.at_step(dt_s).preview_steps(dt_s)
         ahead = self.steps[-1] + (0 if self.dynamics is None else round(self.dynamics.tau_s / dt_s))
         return ahead if self.coupling is None else max(ahead, self.coupling.hysteresis_steps(dt_s) + 1)
+
+
+def _scaled(given: Covariance, factor: float) -> Covariance:
+    """A covariance times a factor, in the form given."""
+    if isinstance(given, Mapping):
+        return {name: factor * value for name, value in given.items()}
+    if isinstance(given, tuple):
+        return tuple(_scaled(item, factor) for item in given)  # type: ignore[return-value]
+    return factor * given
 
 
 def matrix(name: str, given: Covariance, names: tuple[str, ...]) -> Array:

@@ -81,6 +81,7 @@ class UnscentedTransformController(Tunable):
     ) -> None:
         outputs = outputs or plant.output_names
         self._made_of = settings, plant, outputs, dynamics
+        settings = settings.at_step(plant.dt_s)
         controls, m = plant.control_names, len(plant.control_names)
         check_names(settings, plant)
         self._names = controls
@@ -212,6 +213,7 @@ class UnscentedTransformController(Tunable):
             innovation=law.innovation[columns],
             unit=np.sqrt(law.P_err.diagonal()[columns]),
             of_control=outputs[0] + law.offset[columns],
+            mean_output=law.mean[columns],
             sigma_points=points,
             outputs=outputs,
             gain=law.gain[:, columns],
