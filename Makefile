@@ -12,7 +12,7 @@ STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help install demo test test-fast fuzz kills lint bench bench-tools rivals-tools tools bench-ros study sensitivity paper soak network package clean
+.PHONY: help install demo test test-fast fuzz kills lint bench bench-tools worst compared rivals-tools tools bench-ros study sensitivity paper soak network package clean
 
 help:
 	@echo "make demo      run SCENARIO ($(SCENARIO)) over ROS, recorded below bags/"
@@ -22,6 +22,8 @@ help:
 	@echo "make kills     kill the recorder 20 times during a run, count what is recovered"
 	@echo "make lint      ruff and mypy"
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
+	@echo "make worst     the slowest of a million steps of UTC; some four minutes"
+	@echo "make compared  UTC, LQR and nonlinear MPC on six textbook plants, into docs/compared.md; some five minutes"
 	@echo "make rivals-tools fly CasADi, do-mpc and OSQP on the fast turn with their tuned costs; some ten minutes"
 	@echo "make bench-ros time a run over four processes beside a bare rclpy loop of four; some three minutes"
 	@echo "make study     fly 4 x 200 random tunings again, into docs/paper; some five minutes"
@@ -72,6 +74,12 @@ bench: $(STAMP)
 
 bench-tools: tools
 	$(VENV)/bin/python benchmarks/run.py $(ARGS)
+
+worst: $(STAMP)
+	$(VENV)/bin/python benchmarks/worst.py $(ARGS)
+
+compared: tools
+	$(VENV)/bin/python benchmarks/compared.py --write
 
 rivals-tools: tools
 	$(VENV)/bin/python benchmarks/rivals.py --tool-chains

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import click
 import numpy as np
 import tool_chains
+from random_search import random_search
 from sweep import AMPLITUDES, FREQUENCIES, turn_of
 
 from skydiver_utc.analysis.metrics import metrics
@@ -180,32 +181,20 @@ def admitted(value: float, start: float | int, limits: tuple[float, float]) -> f
 
 def search(subject: Subject, turns: list[Turn], flights: int, seed: int) -> Iterator[tuple[Values, float]]:
     """Flown parameters with their objectives."""
-    generator = np.random.default_rng(seed)
     scenario = scenario_of(subject, subject.start, {})
     bounds = {name: limits_of(scenario, name) for name in subject.start}
     names = list(subject.start)
     start = np.log([subject.start[name] for name in names])
-    reach = math.log(FACTOR)
 
     def values(point: np.ndarray) -> Values:
         pairs = zip(names, np.exp(point), strict=True)
         return {n: admitted(v, subject.start[n], bounds[n]) for n, v in pairs}
 
-    best_point, best = start, math.inf
-    random = 1 + (flights - 1) // 2
-    for flight in range(flights):
-        if flight == 0:
-            point = start
-        elif flight < random:
-            point = start + generator.uniform(-reach, reach, len(names))
-        else:
-            spread = reach / 3.0 * 0.03 ** ((flight - random) / max(1, flights - random - 1))
-            point = best_point + spread * generator.standard_normal(len(names))
-        tried = values(point)
-        result = objective(subject, tried, turns)
-        if result < best:
-            best_point, best = point, result
-        yield tried, result
+    def flown(point: np.ndarray) -> float:
+        return objective(subject, values(point), turns)
+
+    for point, result in random_search(flown, start, math.log(FACTOR), flights, seed):
+        yield values(point), result
 
 
 @click.command(help=__doc__)
