@@ -12,7 +12,7 @@ STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help install demo test test-fast fuzz kills lint bench bench-tools worst compared rivals-tools tools bench-ros study sensitivity paper soak network package clean
+.PHONY: help install demo test test-fast fuzz kills lint bench bench-tools worst compared references rivals-tools tools bench-ros study sensitivity paper soak network package clean
 
 help:
 	@echo "make demo      run SCENARIO ($(SCENARIO)) over ROS, recorded below bags/"
@@ -24,6 +24,7 @@ help:
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
 	@echo "make worst     the slowest of a million steps of UTC; some four minutes"
 	@echo "make compared  UTC, LQR and nonlinear MPC on six textbook plants, into docs/compared.md; some five minutes"
+	@echo "make references fly every reference within reach with UTC and two rivals; some ten minutes; ARGS=--skydiver=paper"
 	@echo "make rivals-tools fly CasADi, do-mpc and OSQP on the fast turn with their tuned costs; some ten minutes"
 	@echo "make bench-ros time a run over four processes beside a bare rclpy loop of four; some three minutes"
 	@echo "make study     fly 4 x 200 random tunings again, into docs/paper; some five minutes"
@@ -80,6 +81,9 @@ worst: $(STAMP)
 
 compared: tools
 	$(VENV)/bin/python benchmarks/compared.py --write
+
+references: $(STAMP)
+	$(VENV)/bin/python benchmarks/references.py $(ARGS)
 
 rivals-tools: tools
 	$(VENV)/bin/python benchmarks/rivals.py --tool-chains

@@ -11,8 +11,6 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.analysis.numbers import SETTLING_S, row_from
-from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plants.skydiver.model import build_model
 from skydiver_utc.plants.skydiver.steady import HeldBody, straight_falls
@@ -22,7 +20,6 @@ Array = NDArray[np.float64]
 _YAW = 2  # of the body rates (3,)
 _UP = np.array([0.0, 0.0, 1.0])  # any: no moment depends on it
 _ALPHAS, _RATES, _PHASES = 31, 46, 181
-_EACH_S = 0.05
 
 
 def bodies_at_the_bounds(scenario: Scenario) -> list[HeldBody]:
@@ -56,16 +53,3 @@ def of_sines(scenario: Scenario, amplitudes: tuple[float, ...], frequencies: tup
         return float((asked / np.interp(amplitude * np.sin(phases), rates, largest)).max())
 
     return np.array([[share(np.deg2rad(a), f) for f in frequencies] for a in amplitudes])
-
-
-def in_flight(flight: Run) -> tuple[float, float]:
-    """The largest share after 2 s that the reference asks for where this flight is, and how often it passes 1."""
-    bodies, dt_s = bodies_at_the_bounds(flight.scenario), flight.scenario.dt_s
-    shares = []
-    for k in range(row_from(SETTLING_S, flight), len(flight.reference) - 1, round(_EACH_S / dt_s)):
-        reference = flight.reference[:, 0]
-        asked = (reference[k + 1] - reference[k]) / dt_s
-        if asked * reference[k] > 0.0:
-            there = yaw_accelerations(bodies, flight.states[k, 7:10], flight.states[k, 10:13])
-            shares.append(asked / (there.max() if asked > 0.0 else there.min()))
-    return max(shares), float(np.mean(np.array(shares) > 1.0))

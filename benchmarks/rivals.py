@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import click
-from skydivers import flown_by
+from athlete import flown_by
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.loop.closed_loop import Build, simulate

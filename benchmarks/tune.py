@@ -8,7 +8,7 @@ FACTOR of its start; the other half are drawn around the best so far, log-normal
 flight from a third of the way to FACTOR to a hundredth. Values are rounded to three digits and cut at the
 parameter's bounds before they are flown. The objective is the RMSE after 2 s in deg/s, with ROLLED_OVER added for a
 body that rolled over and DIVERGED in its place for a flight that did not end; with ``--turns all`` one setting
-flies every turn of ``sweep.py``, and it is the root mean square of those, each counted as LOST at most. Prints one
+flies every sine of ``references.py``, and it is the root mean square of those, each counted as LOST at most. Prints one
 line per setting that is better than all before, and the parameters by dotted name, to write into the scenario. The
 tool chains (extra `bench`) solve the program of `gauss_newton` and are tuned in its parameters; theirs go into
 tool_chains/tuned.yaml.
@@ -23,7 +23,7 @@ import click
 import numpy as np
 import tool_chains
 from random_search import random_search
-from sweep import AMPLITUDES, FREQUENCIES, turn_of
+from references import AMPLITUDES, FREQUENCIES, sine
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.controllers.protocol import Controller
@@ -133,7 +133,7 @@ SUBJECTS: dict[str, Subject] = {
 
 TURNS: dict[str, list[Turn]] = {
     "fast": [{}],
-    "all": [dict(turn_of(amplitude, frequency)) for amplitude in AMPLITUDES for frequency in FREQUENCIES],
+    "all": [sine(amplitude, frequency) for amplitude in AMPLITUDES for frequency in FREQUENCIES],
 }
 
 
