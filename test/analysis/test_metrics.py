@@ -13,6 +13,7 @@ from skydiver_utc.analysis.metrics import metrics, to_json
 from skydiver_utc.analysis.numbers import first_step_from
 from skydiver_utc.controllers.protocol import Status
 from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.loop.run import Run
 
 OF_ANY_PLANT = {
     *("schema_version", "scenario", "outcome", "reason", "outputs", "rmse_deg_s", "max_abs_error_deg_s"),
@@ -165,6 +166,34 @@ def test_the_lowest_dorsal_axis_of_a_body_on_its_side() -> None:
     run = run_of()
     run.states[30, 3:7] = [math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]
     assert metrics(run)["min_dorsal_axis"] == pytest.approx(0.0, abs=1e-12)
+
+
+def banked(run: Run, from_step: int, bank_deg: float) -> None:
+    half = math.radians(bank_deg) / 2
+    run.states[from_step:, 3:7] = [math.sin(half), 0.0, 0.0, math.cos(half)]
+
+
+@pytest.mark.parametrize(
+    ("bank_deg", "facing"),
+    [
+        (40.0, "belly to earth"),
+        (-40.0, "belly to earth"),
+        (50.0, "neither"),
+        (90.0, "neither"),
+        (-90.0, "neither"),
+        (130.0, "neither"),
+        (140.0, "back to earth"),
+        (-140.0, "back to earth"),
+    ],
+)
+def test_a_body_that_ends_on_its_side_faces_the_earth_with_neither(bank_deg: float, facing: str) -> None:
+    """Belly and back within 45 deg; 60 steps of 0.05 s on the other side come before."""
+    run = run_of()
+    banked(run, 0, 0.0 if facing == "back to earth" else 180.0)
+    banked(run, 60, bank_deg)
+    found = metrics(run)
+    assert found["facing"] == facing
+    assert found["facing_since_s"] == (None if facing == "neither" else pytest.approx(3.0))
 
 
 class TestRecordingOfTheRest:

@@ -6,8 +6,9 @@ This module must never import the code under test.
 World ENU, body FLU (x to the head, y to the left, z dorsal), origin at the centre of mass. SI, radians.
 State x, shape (13,): position in world (3), quaternion x y z w body -> world (4), velocity of the centre
 of mass in body (3), body rates in body (3). Control u, shape (4,): Cm_damp_yaw, k_right, k_left, alpha.
-The posture belongs to u[3]; it is handed in, already worked out. The velocity of the segments relative
-to the body while the posture changes is neglected (quasi-static posture), and the air is still.
+The posture belongs to u[3]; it is handed in, already worked out. `state_derivative` neglects the velocity of the
+segments relative to the body while the posture changes (quasi-static posture), `moving_step` does not. The air is
+still.
 """
 
 from __future__ import annotations
@@ -68,9 +69,14 @@ def quaternion_derivative(q: ArrayLike, omega: ArrayLike) -> Array:
     return 0.5 * np.append(w * omega + np.cross(e, omega), -e @ omega)
 
 
-def segment_forces(V: ArrayLike, omega: ArrayLike, p: Posture, rho: float) -> Array:
-    """(16, 3) N in body axes: F_i = -1/2 rho |v_i| R_i diag(CdA_i) R_i^T v_i, v_i = V + omega x r_i."""
-    v = np.asarray(V, dtype=float) + np.cross(np.asarray(omega, dtype=float), p.r)
+def segment_forces(
+    V: ArrayLike, omega: ArrayLike, p: Posture, rho: float, drift: ArrayLike = 0.0
+) -> Array:
+    """(16, 3) N in body axes: F_i = -1/2 rho |v_i| R_i diag(CdA_i) R_i^T v_i, v_i = V + omega x r_i + r_i'.
+
+    drift r_i': (16, 3) m/s, velocities of the segments in body axes while the limbs move
+    """
+    v = np.asarray(V, dtype=float) + np.cross(np.asarray(omega, dtype=float), p.r) + np.asarray(drift)
     in_segment = (np.swapaxes(p.R, 1, 2) @ v[:, :, None])[:, :, 0]
     along = (p.R @ (p.CdA * in_segment)[:, :, None])[:, :, 0]
     F: Array = -0.5 * rho * np.linalg.norm(v, axis=1, keepdims=True) * along
@@ -85,14 +91,14 @@ def damping_moment(V: ArrayLike, omega: ArrayLike, Cm: ArrayLike, c: Constants) 
 
 
 def force_and_moment(
-    V: ArrayLike, omega: ArrayLike, u: ArrayLike, p: Posture, c: Constants
+    V: ArrayLike, omega: ArrayLike, u: ArrayLike, p: Posture, c: Constants, drift: ArrayLike = 0.0
 ) -> tuple[Array, Array]:
     """All but gravity, in body axes, moment about the centre of mass: segments, damping, hands.
 
     The hands' force is applied at the centre of mass; their moment is the printed one.
     """
     u = np.asarray(u, dtype=float)
-    F = segment_forces(V, omega, p, c.rho)
+    F = segment_forces(V, omega, p, c.rho, drift)
     hand_moment, hand_force = hand_moment_and_force(u[1], u[2], c.K_N, c.lx, c.force)
     damping = damping_moment(V, omega, (c.Cm_roll, c.Cm_pitch, u[0]), c)
     M = np.cross(p.r, F).sum(axis=0) + damping + hand_moment
@@ -140,3 +146,35 @@ def rk4(f: Callable[[Array], Array], x: ArrayLike, dt: float) -> Array:
     k3 = f(x + dt / 2.0 * k2)
     k4 = f(x + dt * k3)
     return unit_quaternion(x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Moving limbs at one time."""
+
+    p: Posture
+    drift: Array  # (16, 3) m/s, velocities of the segments in body axes
+    h: Array  # (3,) kg m^2/s, angular momentum of the limbs about the centre of mass, body axes
+
+
+def moving_step(
+    x: ArrayLike, u: ArrayLike, motion: Callable[[float], Motion], c: Constants, dt: float
+) -> Array:
+    """One Runge-Kutta step while the limbs move as `motion` of the time since its start.
+
+    Integrated with the total angular momentum H = I omega + h in the place of omega: H' + omega x H = M.
+    """
+    x = np.asarray(x, dtype=float)
+    first, last = motion(0.0), motion(dt)
+
+    def derivative(y: Array) -> Array:
+        now = motion(y[13])
+        q, V, H = y[3:7], y[7:10], y[10:13]
+        A = rotation_matrix(q, normalise=False)
+        omega = np.linalg.solve(now.p.inertia, H - now.h)
+        F, M = force_and_moment(V, omega, u, now.p, c, now.drift)
+        V_dot = F / now.p.m + A.T @ np.array([0.0, 0.0, -c.g]) - np.cross(omega, V)
+        return np.concatenate([A @ V, quaternion_derivative(q, omega), V_dot, M - np.cross(omega, H), [1.0]])
+
+    y = rk4(derivative, [*x[:10], *(first.p.inertia @ x[10:13] + first.h), 0.0], dt)
+    return np.concatenate([y[:10], np.linalg.solve(last.p.inertia, y[10:13] - last.h)])

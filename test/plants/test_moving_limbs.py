@@ -1,16 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reaction of moving limbs: total angular momentum, computed apart from the kernels, is kept."""
+"""Moving limbs: their air velocity and reaction against what is computed apart from the kernels, and their bounds."""
 
 from copy import copy
 from functools import cache
 
+import aerodynamics as oracle
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from skydivers import (
+    joint_angles,
+    model_of,
+    oracle_constants,
+    oracle_posture,
+    random_control,
+    random_state,
+)
 
 from skydiver_utc.body.posture import configuration, pattern_direction, posture_angles
 from skydiver_utc.body.segments import build_body
 from skydiver_utc.parameters import load_scenario
+from skydiver_utc.plants.skydiver.dynamics import posture_geometry, segment_drift
+from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, SEGMENT_COUNT
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 
 ARMS = {
@@ -122,3 +133,65 @@ def test_a_slow_limb_is_a_held_posture():
     np.testing.assert_allclose(
         moving.step(state, applied, applied), held.step(state, applied, applied), rtol=1e-12, atol=1e-13
     )
+
+
+@pytest.mark.parametrize("rate", [-3.5, 0.7])
+def test_segments_move_with_the_table(rate):
+    """The velocities are the slope of the tabulated places times the rate, in the first and last cells, too."""
+    model = model_of(plant_of(nodes=65)[0])
+    step, drift = 1e-3 / model.nodes_per_rad, np.empty(3 * SEGMENT_COUNT)
+    before, after = np.empty(GEOMETRY_SIZE), np.empty(GEOMETRY_SIZE)
+    for cell in range(64):
+        alpha = model.alpha_first + (cell + 0.3) / model.nodes_per_rad
+        posture_geometry(model, alpha - step, before)
+        posture_geometry(model, alpha + step, after)
+        segment_drift(model, alpha, rate, drift)
+        slope = (after - before)[: 3 * SEGMENT_COUNT] / (2 * step)
+        np.testing.assert_allclose(drift, rate * slope, atol=1e-7)
+        assert np.abs(drift).max() > 0.1 * abs(rate)
+
+
+def limb_motion(scenario, alpha, rate, acceleration):
+    """The oracle's motion while alpha's rate changes evenly; velocities by differences."""
+
+    def at(time):
+        now, rate_now = alpha + rate * time + 0.5 * acceleration * time**2, rate + acceleration * time
+        here, before, after = (
+            oracle_posture(scenario, joint_angles(scenario, now + step)) for step in (0.0, -1e-4, 1e-4)
+        )
+        h = total_angular_momentum(scenario, np.eye(13)[6], now, rate_now)
+        return oracle.Motion(here, rate_now * (after.r - before.r) / 2e-4, h)
+
+    return at
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_step_of_moving_limbs_equals_the_transcription(seed):
+    scenario, plant = plant_of()
+    rng, dt = np.random.default_rng(seed), plant.dt_s
+    state, control = random_state(rng), random_control(rng, scenario)
+    alpha, rate, rate_after = rng.uniform(-1.2, 1.2), rng.uniform(-3.5, 3.5), rng.uniform(-3.5, 3.5)
+    motion = limb_motion(scenario, alpha, rate, (rate_after - rate) / dt)
+    expected = oracle.moving_step(state, control, motion, oracle_constants(scenario), dt)
+    before = np.array([0.0, 0.0, 0.0, alpha, rate])
+    applied = np.array([*control[:3], alpha + 0.5 * dt * (rate + rate_after), rate_after])
+    found = plant.step(state, before, applied)
+    np.testing.assert_allclose(found - state, expected - state, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_limbs_that_move_too_fast_to_brake_stop_at_their_bound(side):
+    """Never beyond, and the rates are those of an even change over each step."""
+    _, plant = plant_of()
+    bound = plant.maximum[3] if side > 0 else plant.minimum[3]
+    before = np.array([0.5, 0.0, 0.0, bound - side * 0.001, side * 3.5])
+    path = []
+    for _ in range(100):
+        held = plant.actuate(np.array([0.5, 0.0, 0.0, side * 9.0]), before)
+        assert held[3] - before[3] == pytest.approx(0.5 * plant.dt_s * (before[4] + held[4]), abs=1e-15)
+        path.append(held[3])
+        before = held
+    assert path[0] == bound
+    assert plant.minimum[3] <= min(path)
+    assert max(path) <= plant.maximum[3]
+    assert held[3:5] == pytest.approx([bound, 0.0], abs=1e-3)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import Reader
@@ -165,6 +166,50 @@ def test_a_damaged_chunk_in_the_middle_is_left_out_and_its_times_are_reported(
     assert found.lost_messages == after - before
     (loss,) = found.losses
     assert (loss.after_ns, loss.before_ns) == (rows()[before - 1][1], rows()[after][1])
+
+
+@pytest.mark.parametrize("opcode", [0x00, 0x10, 0x42, 0x7F])
+def test_a_chunk_with_a_damaged_opcode_is_a_loss(whole: Path, tmp_path: Path, opcode: int) -> None:
+    (end, before), (_, after) = chunk_ends(whole)[3:5]
+    data = bytearray(whole.read_bytes())
+    start = data.index(Opcode.CHUNK.to_bytes(1, "little") + length_of_chunk(whole, 4), end)
+    data[start] = opcode
+    path = tmp_path / "run_0.mcap"
+    path.write_bytes(data)
+    found = survey(path)
+    assert found.message_count == MESSAGES - (after - before)
+    (loss,) = found.losses
+    assert loss.byte_count == 9 + int.from_bytes(length_of_chunk(whole, 4), "little")
+    assert (loss.after_ns, loss.before_ns) == (rows()[before - 1][1], rows()[after][1])
+
+
+def length_of_chunk(path: Path, number: int) -> bytes:
+    """The length of a chunk's contents, as it stands in the file."""
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+        assert summary is not None
+        index = sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset)[number]
+        return (index.chunk_length - 9).to_bytes(8, "little")
+
+
+@pytest.mark.parametrize("opcode", [0x80, 0xFF])
+def test_a_record_of_a_writer_s_own_is_no_loss(whole: Path, tmp_path: Path, opcode: int) -> None:
+    (end, _), data = chunk_ends(whole)[3], whole.read_bytes()
+    own = bytes([opcode]) + (5).to_bytes(8, "little") + b"12345"
+    path = tmp_path / "run_0.mcap"
+    path.write_bytes(data[:end] + own + data[end:])
+    found = survey(path)
+    assert (found.message_count, found.losses, found.lost_messages) == (MESSAGES, [], 0)
+
+
+@pytest.mark.parametrize("extra", [9, 10, 100])
+def test_the_bytes_after_the_last_whole_record_are_counted(whole: Path, tmp_path: Path, extra: int) -> None:
+    """A file cut within a chunk."""
+    (end, count), data = chunk_ends(whole)[5], whole.read_bytes()
+    start = data.index(Opcode.CHUNK.to_bytes(1, "little") + length_of_chunk(whole, 6), end)
+    found = survey(cut(whole, start + extra, tmp_path / "run_0.mcap"))
+    (loss,) = found.losses
+    assert (loss.byte_count, loss.after_ns, loss.before_ns) == (extra, rows()[count - 1][1], None)
 
 
 def test_topics_of_a_damaged_chunk_are_found_at_the_end(whole: Path, tmp_path: Path) -> None:
