@@ -15,7 +15,16 @@ def plant(state, control, dt):
 def rmse(at_the_jump):
     state, errors = np.zeros(1), []
     controller = UnscentedTransformController.of(
-        plant, state=state, control=0.0, dt=DT, horizon=5, minimum=-5.0, maximum=5.0, Pu=1e-3, Qu=1e-4
+        plant,
+        state=state,
+        control=0.0,
+        dt=DT,
+        horizon=5,
+        minimum=-5.0,
+        maximum=5.0,
+        P_err=1e-4,
+        Pu=1e-3,
+        Qu=1e-4,
     )
     for k in range(100):
         reference, jumps = float(k >= 50), k == 50

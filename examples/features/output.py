@@ -20,7 +20,7 @@ def largest_late_error(output):
     """After 4 s, with the place wanted at 1 m."""
     state, places = np.zeros(2), []
     controller = UnscentedTransformController.of(
-        cart, output, state=state, control=0.0, dt=DT, horizon=2, minimum=-10.0, maximum=10.0
+        cart, output, state=state, control=0.0, dt=DT, horizon=2, minimum=-10.0, maximum=10.0, P_err=1e-4
     )
     for _ in range(160):
         state = cart(state, controller.step(state, reference=1.0).control, DT)

@@ -18,9 +18,13 @@ FACTS = {
     "accuracy": lambda x: x["accurate"][0] < x["calm"][0] and x["accurate"][1] > 1.5 * x["calm"][1],
     "after_reference": lambda x: x["result"].control[0] == -0.5,
     "aim": lambda x: x["tangent"] < 0.25 * x["end_point"],
+    "angles": lambda x: abs(x["held"] - 3.3) < 0.01 and abs(x["lost"] - 3.3) > 3.0,
+    "another_dt": lambda x: (x["converted"].horizon_steps, x["converted"].Qu_ratio) == (10, 0.2),
+    "between_steps": lambda x: x["result"].control[1] == 0.0 and x["explanation"].moves[0, 0] > 0.05,
     "bounds": lambda x: (
         min(x["controls"]) == -1.0 and max(x["controls"]) == 2.0 and x["steepest"] < 4.0 + 1e-9
     ),
+    "curved": lambda x: abs(x["exact"] - 0.25) < 1e-6 and abs(x["mean"] - 0.25) > 3e-4,
     "dynamics": lambda x: x["lag"][0] < 0.5 * x["held"][0] and x["lag"][1] < 1e-3,
     "forgetting": lambda x: x["forgotten"][0] == pytest.approx(0.2, rel=0.2) and x["kept"][0] > 2.0,
     "gain": lambda x: list(x["found"].values()) == sorted(x["found"].values(), reverse=True),
@@ -29,6 +33,7 @@ FACTS = {
     "names": lambda x: abs(x["state"][0] - 1.0) < 1e-3 and "std_force" in x["controller"].telemetry_names,
     "noise_of_a_step": lambda x: x["raised"] < 0.9 * x["usual"],
     "nominal": lambda x: abs(x["named"][1]) < 0.01 and abs(sum(x["named"]) - 1.0) < 0.01 < abs(x["free"][1]),
+    "offset_free": lambda x: abs(x["offset_free"] - 2.0) < 1e-4 and abs(x["plain"] - 2.0) > 0.05,
     "output": lambda x: x["with_speed"] < 1e-3 < 0.1 < x["alone"],
     "plant": lambda x: np.ptp(x["controls"]) < 1e-6,
     "preview": lambda x: x["ahead"] < 0.5 * x["one"],
