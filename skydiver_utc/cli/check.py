@@ -31,15 +31,15 @@ def check(
     name = "the recorded controller" if controller is None else f"the controller of {controller}"
     name = f"{name} with {', '.join(settings)}" if settings else name
     values = {**report(found), "controller": name}
+    if as_json:
+        print(to_json(values))
+    else:
+        _show(values)
     if figure is not None:
         from skydiver_utc.analysis.check_figure import check_figure
         from skydiver_utc.analysis.style import png
 
         write_file(figure, png(check_figure(found, name)))
-    if as_json:
-        print(to_json(values))
-    else:
-        _show(values)
     return 0 if found.equal else FAILED
 
 

@@ -61,11 +61,13 @@ class Commands(click.Group):
             from skydiver_utc.parameters.exit_codes import FAILED, REFUSED
 
             code = getattr(error, "exit_code", REFUSED)
-            if isinstance(error, OSError) and error.filename is None:
-                if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EIO):
+            if isinstance(error, OSError):
+                full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+                if error.filename is None and not full:
                     raise
-                code = FAILED
-                _drop_output()
+                if error.filename is None:
+                    _drop_output()
+                code = FAILED if full else REFUSED
             click.echo(f"Error: {printable(_sentence(error))}", err=True)
             ctx.exit(code)
 

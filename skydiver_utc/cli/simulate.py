@@ -22,16 +22,16 @@ def simulate(scenario: str, settings: Sequence[str], figure: Path | None, as_jso
     with run_progress(loaded, quiet) as progress:
         run = run_scenario(loaded, progress)
     values = metrics(run)
+    if as_json:
+        print(to_json(values))
+    else:
+        show_metrics(values, loaded.title or loaded.name)
     if figure is not None:
         # matplotlib is imported only for a figure.
         from skydiver_utc.analysis.figures import tracking_figure
         from skydiver_utc.analysis.style import png
 
         write_file(figure, png(tracking_figure(run)))
-    if as_json:
-        print(to_json(values))
-    else:
-        show_metrics(values, loaded.title or loaded.name)
     return exit_code(run)
 
 

@@ -147,21 +147,16 @@ def _is_file(path: Path) -> bool:
 
 def _with_absolute_paths(content: dict[str, Any], folder: Path) -> dict[str, Any]:
     """The plant's paths to files, which count from this folder, made absolute."""
-    return {
-        key: _absolute(value, folder) if key == "plant" and isinstance(value, dict) else value
-        for key, value in content.items()
-    }
+    return {**content, "plant": _absolute(content["plant"], folder)} if "plant" in content else content
 
 
-def _absolute(block: dict[str, Any], folder: Path) -> dict[str, Any]:
-    found = {}
-    for key, value in block.items():
-        if isinstance(value, dict):
-            value = _absolute(value, folder)
-        elif key in _NAMED and isinstance(value, str) and value.endswith(_ENDINGS):
-            value = str(folder.absolute() / value)
-        found[key] = value
-    return found
+def _absolute(value: Any, folder: Path, field: str = "") -> Any:
+    if isinstance(value, dict):
+        return {key: _absolute(item, folder, key) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_absolute(item, folder) for item in value]
+    path = field in _NAMED and isinstance(value, str) and value.endswith(_ENDINGS)
+    return str(folder.absolute() / value) if path else value
 
 
 def _with_table(content: dict[str, Any], beside: Path = Path()) -> dict[str, Any]:

@@ -92,6 +92,10 @@ def test_a_path_counts_from_the_file_that_says_it(tmp_path: Path, monkeypatch: p
     monkeypatch.chdir(tmp_path / "here")
     assert load_scenario("../yours/flight.yaml").plant.posture.name == "my_box"
     assert load_scenario(str(own), {"plant.posture": "box.yaml"}).plant.posture.name == "here"
+    frames = "[{alpha: 0.0, posture: ../mine/box.yaml}, {alpha: 1.0, posture: box}]"
+    pattern = f"{{kind: path, name: p, description: d, source: s, keyframes: {frames}}}"
+    write(own, f"extends: bank_recovery\nplant: {{pattern: {pattern}}}\n")
+    assert load_scenario(str(own)).plant.pattern.keyframes[0].posture.name == "my_box"
     write(own, "extends: bank_recovery\nplant: {posture: box.yaml}\n")
     assert str(tmp_path / "yours" / "box.yaml") in refused(str(own))
 
