@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The style of every figure of the package, and writing a figure to a file."""
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -58,7 +59,8 @@ def empty_figure(width: float, height: float) -> Figure:
 def png(figure: Figure) -> bytes:
     """A PNG of 150 pixels per inch whose bytes depend on the figure and matplotlib's version only."""
     buffer = BytesIO()
-    with matplotlib.rc_context():
+    with matplotlib.rc_context(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # a title may have characters that the font has not: boxes
         matplotlib.rcdefaults()
         figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None})
     return buffer.getvalue()

@@ -24,7 +24,7 @@ _SCALARS: dict[str, tuple[str, list[str]]] = {
     _MERGE: (r"<<", ["<"]),
 }
 # Bounds of a file with every alias written out; a resolved scenario has some thousand values, six blocks deep.
-_MOST_VALUES, _DEEPEST = 300_000, 100
+_MOST_VALUES, _DEEPEST = 200_000, 100
 _LONGEST = 4_000_000  # characters of a resolved scenario, which has some ten thousand
 
 

@@ -34,7 +34,6 @@ def commands(path: Path, scratch: Path) -> Iterator[tuple[object, ...]]:
     if path.suffix == ".yaml":
         yield "simulate", path, "--quiet", "--json"
         yield "scenarios", "--show", path
-        yield "trim", "--scenario", path, "--json"
         yield "stability", "--plant", path, "--json"
         yield "pattern", "show", path, "--json"
         yield "calibrate", path, "--out", scratch / "calibrated"

@@ -268,7 +268,7 @@ def test_times_that_cannot_be_flown_are_refused(time_s, words, tmp_path):
 
 @pytest.mark.parametrize("tolerance", ["nan", "inf", "0", "-1"])
 def test_a_tolerance_that_cannot_be_kept_is_refused(tolerance, tmp_path):
-    assert f"--tolerance {tolerance}" in refused(ARMS, tmp_path / "a.yaml", "--tolerance", tolerance)
+    assert "--tolerance" in refused(ARMS, tmp_path / "a.yaml", "--tolerance", tolerance)
 
 
 def test_postures_that_do_not_move_are_refused(tmp_path):
