@@ -69,9 +69,7 @@ def quaternion_derivative(q: ArrayLike, omega: ArrayLike) -> Array:
     return 0.5 * np.append(w * omega + np.cross(e, omega), -e @ omega)
 
 
-def segment_forces(
-    V: ArrayLike, omega: ArrayLike, p: Posture, rho: float, drift: ArrayLike = 0.0
-) -> Array:
+def segment_forces(V: ArrayLike, omega: ArrayLike, p: Posture, rho: float, drift: ArrayLike = 0.0) -> Array:
     """(16, 3) N in body axes: F_i = -1/2 rho |v_i| R_i diag(CdA_i) R_i^T v_i, v_i = V + omega x r_i + r_i'.
 
     drift r_i': (16, 3) m/s, velocities of the segments in body axes while the limbs move
