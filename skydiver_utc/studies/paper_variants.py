@@ -67,6 +67,9 @@ class PaperController:
         P_err: Annotated[float, quantity("output^2", "covariance of the tracking error", gt=0)]
         Pu: Annotated[dict[str, Annotated[float, Field(gt=0)]], text("variance of each control at k = 0")]
         Qu_ratio: Annotated[float, quantity("1", "Qu as a share of Pu at k = 0", ge=0)]
+        tuned_at_dt_s: Annotated[
+            float | None, text("step of these numbers [s]; they are taken as they are")
+        ] = None
         covariance_floor: Annotated[float, quantity("control^2", "smallest eigenvalue of Pu", ge=0)]
         coupling: Coupling
         dynamics: ProportionalDynamics | None = None
