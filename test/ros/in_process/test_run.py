@@ -94,7 +94,8 @@ def test_a_plant_and_a_controller_of_ones_own_run_as_in_process(ros: Ros, tmp_pa
 
 
 def test_a_plant_that_leaves_its_model_ends_the_run(ros: Ros, tmp_path: Path) -> None:
-    path = cart_file(tmp_path, CART.replace("dt_s: 0.01", "dt_s: 0.9").replace("0.5\n", "90.0\n"))
+    slow = CART.replace("dt_s: 0.01", "dt_s: 0.9").replace("frequency_hz: 2.0", "frequency_hz: 0.1")
+    path = cart_file(tmp_path, slow.replace("0.5\n", "90.0\n"))
     ros.add(ReferenceNode(ros.context, {"scenario": path}))
     ros.add(ControllerNode(ros.context, {"scenario": path, "controller.gain": 90.0}))
     plant = ros.add(PlantNode(ros.context, {"scenario": path}))
