@@ -104,5 +104,5 @@ def test_a_rotation_cut_short_has_no_angle_error():
 def test_a_reference_that_is_none_is_refused():
     with pytest.raises(ParameterError, match="points"):
         load_scenario("front_layout_open_loop", {"reference.points": []})
-    with pytest.raises(ParameterError, match="0.0001 s"):
+    with pytest.raises(ParameterError, match=r"0\.0001 s"):
         build_reference(load_scenario("turn_360_left", {"reference.duration_s": 0.0001}))
