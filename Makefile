@@ -11,6 +11,8 @@ CHECKSUM := $(shell find $(INSTALLED_FROM) -type f -not -path '*/__pycache__/*' 
 STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+# Tests run in as many processes as there are cores: threads of their own would only wait for each other.
+test test-fast: export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: help install demo test test-fast fuzz kills lint bench bench-tools worst compared references rivals-tools tools bench-ros study sensitivity paper soak network package clean
 

@@ -58,6 +58,7 @@ def computed(run: Run, controller: Controller, reference: Any) -> Any:
 
 
 @pytest.mark.parametrize("scenario", [SCENARIO, "fast_turn_pose_only", "fast_turn_pi_dynamics"])
+@pytest.mark.long
 def test_a_recorded_controller_decides_as_recorded(scenario: str, tmp_path: Path) -> None:
     """Also without any preview in the bag: from the setpoints, then the scenario's reference."""
     found = simulate(load_scenario(scenario, {"duration_s": 0.3}))

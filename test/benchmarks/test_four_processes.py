@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from ros_domains import reserved_domain
 
+pytestmark = pytest.mark.long
+
 BENCHMARK = Path(__file__).resolve().parents[2] / "benchmarks" / "four_processes.py"
 
 

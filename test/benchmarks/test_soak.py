@@ -12,6 +12,8 @@ import pytest
 from ros_domains import reserved_domain
 from soak_bars import bars
 
+pytestmark = pytest.mark.long
+
 SOAK = Path(__file__).resolve().parents[2] / "benchmarks" / "soak.py"
 
 

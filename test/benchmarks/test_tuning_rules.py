@@ -22,6 +22,8 @@ from tuning_rules import (
 
 from skydiver_utc import UnscentedTransformController
 
+pytestmark = pytest.mark.long
+
 PAGE = (Path(__file__).parents[2] / "docs" / "tuning.md").read_text(encoding="utf-8")
 
 

@@ -64,6 +64,7 @@ def test_a_point_beyond_what_a_function_covers_has_diverged_and_the_cause_is_tol
 
 
 @pytest.mark.parametrize("jitted", [False, True], ids=["plain", "jitted"])
+@pytest.mark.long
 def test_a_mass_matrix_that_is_singular_at_one_point(jitted):
     """From 0.3 the points are u = 0, sqrt(0.6 / 0.75) and its negative: the last is below zero on step 5 of 8.
 
@@ -87,6 +88,7 @@ def test_a_mass_matrix_that_is_singular_at_one_point(jitted):
 
 
 @pytest.mark.parametrize("library", ["numpy", "scipy", "jitted"])
+@pytest.mark.long
 def test_a_linear_solve_inside_a_plant_that_overflows(library):
     """Each point overflows: the control is kept, and the next step is solved."""
     solve = {"scipy": scipy.linalg.solve}.get(library, np.linalg.solve)

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.long
+
 FOLDER = Path(__file__).parents[2] / "examples"
 EXAMPLES = ("admire", "cart_pole", "quadcopter", "scalar_linear", "skydiver")
 

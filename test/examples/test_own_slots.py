@@ -79,6 +79,7 @@ def test_a_disturbance_repeats_with_its_seed(load):
 
 
 @pytest.mark.parametrize(("name", "message"), PLANTS.items())
+@pytest.mark.long
 def test_a_plant_names_its_own_signals(load, name, message):
     plant = build_plant(load(name))
     assert plant.state_message == message

@@ -365,6 +365,7 @@ def test_mirrored_task_gives_the_mirrored_control() -> None:
     np.testing.assert_allclose(results[0][1], results[1][1], atol=1e-8)
 
 
+@pytest.mark.long
 def test_closed_loop_with_modelled_alpha_tracks_a_plain_yaw_plant() -> None:
     r = np.deg2rad(100.0) * np.sin(2.0 * np.pi * 0.2 * DT * np.arange(1500))
     s = pu.Settings(N=5, dynamics="incremental", saved="after_first_step")

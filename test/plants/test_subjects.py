@@ -52,6 +52,7 @@ def test_every_subject_falls_straight_in_its_neutral_posture(subject, suit):
 
 
 @pytest.mark.parametrize(("subject", "suit"), SUBJECTS)
+@pytest.mark.long
 def test_every_subject_is_trimmed_from_the_box(subject, suit):
     """`straight_fall` ends in the committed posture, with a residual below 1e-6."""
     scenario = scenario_of(subject, suit, "box")

@@ -88,6 +88,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write(tmp_path_factory.mktemp("whole") / "run_0.mcap")
 
 
+@pytest.mark.long
 def test_a_cut_anywhere_keeps_exactly_the_whole_chunks(whole: Path, tmp_path: Path) -> None:
     ends = chunk_ends(whole)
     size = whole.stat().st_size
@@ -124,6 +125,7 @@ def test_a_recovered_bag_is_read_by_others(tmp_path: Path, compression: Compress
         assert {path.name: path.read_bytes() for path in run.iterdir()} == {"run_0.mcap": data}
 
 
+@pytest.mark.long
 def test_a_damaged_byte_anywhere_costs_at_most_a_chunk(whole: Path, tmp_path: Path) -> None:
     """Recovered messages are some of the original ones in their order; losses are reported."""
     data = whole.read_bytes()

@@ -35,6 +35,8 @@ from skydiver_utc.studies.tuning_files import table_file
 from skydiver_utc.studies.tuning_summary import summarise
 from skydiver_utc.theory.riccati import Riccati, output_riccati
 
+pytestmark = pytest.mark.long
+
 PAPER = Path(__file__).resolve().parents[2] / "docs" / "paper"
 # Rounding alone moves the RMSE of a flight of 20 s by 1 %: a start 1e-9 m/s faster does.
 SAME_FLIGHT = 0.05

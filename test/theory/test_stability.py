@@ -84,6 +84,7 @@ def test_nominal_controls_fly_as_outputs_of_the_linear_plant(steps):
         np.testing.assert_allclose(np.concatenate([x, u[[0, 2]], u]), z, atol=1e-9)
 
 
+@pytest.mark.long
 def test_nothing_rests_elsewhere_and_no_covariance_grows_where_controls_are_drawn():
     free = report(of_skydiver(load_scenario("fast_turn_unknown_dynamics"), 0.0))
     drawn = report(of_skydiver(load_scenario("fast_turn_beyond_the_paper"), 0.0))

@@ -16,6 +16,8 @@ from skydiver_utc.studies.calibration.evaluation import evaluate
 from skydiver_utc.studies.calibration.search import LOG, search
 from skydiver_utc.studies.calibration.settings import load_calibration
 
+pytestmark = pytest.mark.long
+
 SHANK, TRUNK = (f"plant.subject.suit.drag_areas_m2.{name}.front" for name in ("shank", "upper_trunk"))
 KNOWN = {SHANK: 0.17, TRUNK: 0.065}
 STATICS = [
