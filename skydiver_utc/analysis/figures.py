@@ -36,10 +36,11 @@ from skydiver_utc.references.tables import Points
 
 CONTROL_COLOURS = (GREEN, VERMILLION, PURPLE, BLUE)
 Floats = NDArray[np.float64]
-_LEAST_RANGE = 1e-6  # of an axis, in its unit
+_LEAST_RANGE, _LARGEST = 1e-6, 1e30  # of an axis, in its unit
 Panel = tuple[float, Callable[[Axes], None]]  # height, and how to draw it
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def tracking_figure(run: Run) -> Figure:
     """Each tracked output over its reference with its error, and the controls between their limits.
 
@@ -109,7 +110,7 @@ def _draw_title(figure: Figure, run: Run, values: dict[str, Any]) -> None:
 
 def _draw_output(axes: Axes, run: Run, name: str) -> None:
     scale = shown(run.plant, name)
-    axes.plot(run.time_s, scale.factor * run.output(name), color=BLUE, linewidth=1.3)
+    axes.plot(run.time_s, _drawn(scale.factor * run.output(name)), color=BLUE, linewidth=1.3)
     low, high = axes.get_ylim()
     if high - low < _LEAST_RANGE:  # else an output that is zero shows its rounding
         axes.set_ylim(0.5 * (low + high - _LEAST_RANGE), 0.5 * (low + high + _LEAST_RANGE))
@@ -119,7 +120,7 @@ def _draw_output(axes: Axes, run: Run, name: str) -> None:
 def _draw_tracked(axes: Axes, run: Run, j: int) -> None:
     name = run.tracked_names[j]
     scale, reach = shown(run.plant, name), _reach(run, j)
-    actual, wanted = scale.factor * run.output(name), scale.factor * run.reference[:, j]
+    actual, wanted = (_drawn(scale.factor * each) for each in (run.output(name), run.reference[:, j]))
     axes.plot(run.time_s, wanted, color=ORANGE, linewidth=4.5, alpha=0.75, label="reference")
     axes.plot(run.time_s, actual, color=BLUE, linewidth=1.3, label="actual")
     values = np.append(actual[np.isfinite(actual)], wanted)
@@ -135,7 +136,10 @@ def _draw_tracked(axes: Axes, run: Run, j: int) -> None:
 def _draw_error(axes: Axes, run: Run, j: int) -> None:
     assert run.error is not None
     scale = shown(run.plant, run.tracked_names[j])
-    error, band = scale.factor * run.error[:, j], scale.factor * CONVERGED_SHARE * float(run.amplitude[j])
+    error, band = (
+        _drawn(scale.factor * run.error[:, j]),
+        scale.factor * CONVERGED_SHARE * float(run.amplitude[j]),
+    )
     start = row_from(SETTLING_S, run)
     settled = error[start:] if start < len(error) else error
     reach = min(max(1.15 * _largest(settled), 1.4 * band, 1e-9), _reach(run, j))
@@ -174,9 +178,16 @@ def _draw_control(axes: Axes, run: Run, j: int) -> None:
     name, colour = run.plant.control_names[j], CONTROL_COLOURS[j % len(CONTROL_COLOURS)]
     lower, upper = float(run.plant.minimum[j]), float(run.plant.maximum[j])
     axes.step(
-        run.time_s[:-1], run.commands[:, j], where="post", color="#999999", linewidth=0.8, label="command"
+        run.time_s[:-1],
+        _drawn(run.commands[:, j]),
+        where="post",
+        color="#999999",
+        linewidth=0.8,
+        label="command",
     )
-    axes.step(run.time_s[:-1], run.applied[:, j], where="post", color=colour, linewidth=1.2, label="applied")
+    axes.step(
+        run.time_s[:-1], _drawn(run.applied[:, j]), where="post", color=colour, linewidth=1.2, label="applied"
+    )
     if np.isfinite(upper - lower):
         margin = 0.13 * (upper - lower)
         for inner, outer in ((lower, lower - margin), (upper, upper + margin)):
@@ -203,6 +214,11 @@ def _reach(run: Run, j: int) -> float:
     return 2.5 * shown(run.plant, name).factor * (fair or 1.0)
 
 
+def _drawn(values: Floats) -> Floats:
+    """The values as far as an axis can be that far."""
+    return np.clip(values, -_LARGEST, _LARGEST)
+
+
 def _largest(values: Floats) -> float:
     finite = values[np.isfinite(values)]
-    return float(np.max(np.abs(finite))) if len(finite) else 0.0
+    return min(float(np.max(np.abs(finite))), _LARGEST) if len(finite) else 0.0

@@ -20,6 +20,7 @@ CONVERGED_SHARE = 0.05
 Floats = NDArray[np.float64]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of a run that diverges: a figure that overflows is None
 def metrics(run: Run) -> dict[str, Any]:
     """Metrics of a run, in the order in which they are printed; an undefined one is None.
 
@@ -135,7 +136,7 @@ def control_effort(run: Run) -> float | None:
 
 
 def _degrees(radians: float | None) -> float | None:
-    return None if radians is None else math.degrees(radians)
+    return None if radians is None else finite(math.degrees(radians))
 
 
 def _solve_time_us(solve_time_s: Floats) -> dict[str, float | None]:
@@ -143,4 +144,4 @@ def _solve_time_us(solve_time_s: Floats) -> dict[str, float | None]:
     known = solve_time_s[np.isfinite(solve_time_s)] * 1e6
     if not len(known):
         return {"median": None, "p99": None}
-    return {"median": float(np.median(known)), "p99": float(np.percentile(known, 99))}
+    return {"median": finite(float(np.median(known))), "p99": finite(float(np.percentile(known, 99)))}

@@ -93,6 +93,7 @@ def test_a_recording_of_the_rest_starts_where_it_begins() -> None:
     "run",
     [
         pytest.param(run_of(steps=0, outcome=Outcome.NO_COMMAND), id="no step"),
+        pytest.param(run_of(np.full(81, 1e308), 1e308, solve_time_s=np.full(80, 1e308)), id="huge"),
         pytest.param(run_of(steps=3, outcome=Outcome.ABORTED), id="three steps"),
         pytest.param(run_of(np.full(81, np.nan), outcome=Outcome.DIVERGED), id="not a number"),
         pytest.param(run_of(scenario=skydiver(reference=POINTS)), id="open loop"),
