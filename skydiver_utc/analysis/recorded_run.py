@@ -162,7 +162,7 @@ class RecordedRun:
 
     def _telemetry(self, first: int, end: int) -> tuple[tuple[str, ...], Floats]:
         """The names of most messages, and the values (K, n)."""
-        names = [tuple(message.name) for message in self._steps.messages("controller/telemetry") if message]
+        names = self._steps.read("controller/telemetry", lambda message: tuple(message.name))
         common = Counter(found for found in names if {_SOLVE_TIME, _STATUS} <= set(found)).most_common(1)
         if not common:
             return (), np.empty((end - first, 0))
@@ -187,7 +187,7 @@ class RecordedRun:
         found: list[tuple[int, Scenario, str]] = []
         fault = ""
         for sent_ns, message in zip(topic.publish_times_ns, topic.readable, strict=True):
-            text = str(message.data) if message is not None else ""
+            text = str(getattr(message, "data", ""))  # a damaged message, or one of another type, has none
             try:
                 found.append((int(sent_ns), from_yaml(text), run_id_of(text)))
             except MissingModuleError as error:

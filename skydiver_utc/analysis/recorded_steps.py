@@ -55,13 +55,13 @@ class RecordedSteps:
         return topic.readable if (topic := self._topic(name)) else []
 
     def read(self, name: str, read: Callable[[Any], Any]) -> list[Any]:
-        """What `read` makes of each message of a topic; without those that it refuses by `MessageError`."""
+        """What `read` makes of each message of a topic; without those that it cannot read."""
         found, messages = [], self.messages(name)
         for message in messages:
             try:
                 if message is not None:
                     found.append(read(message))
-            except MessageError:
+            except (ValueError, AttributeError, TypeError):  # a `MessageError`, or a type with other fields
                 continue
         self.ignored[name] = (
             len(messages) - len(found) + (topic.left_out if (topic := self._topic(name)) else 0)

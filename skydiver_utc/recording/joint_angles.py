@@ -63,9 +63,12 @@ def _from_bag(path: Path, known: Sequence[str]) -> JointAngles:
 
 
 def _fits(message: Any, known: Sequence[str]) -> bool:
-    """True for finite values of the known joint angles in their order."""
-    named = tuple(message.name) == tuple(known) and len(message.position) == len(known)
-    return named and bool(np.isfinite(message.position).all())
+    """True for finite values of the known joint angles in their order, with a stamp."""
+    try:
+        named = tuple(message.name) == tuple(known) and len(message.position) == len(known)
+        return named and bool(np.isfinite(message.position).all()) and stamp_ns(message.header.stamp) >= 0
+    except (AttributeError, TypeError):  # of another type
+        return False
 
 
 def _from_csv(path: Path, known: Sequence[str]) -> JointAngles:
