@@ -2,7 +2,11 @@ PYTHON ?= python3
 VENV ?= .venv
 SCENARIO ?= fast_turn_unknown_dynamics
 FUZZ ?= 5000
+MUTANTS ?= 48
 SEED ?= 1
+# The lowest and the highest Python that the README promises.
+LOWEST_PYTHON ?= python3.10
+HIGHEST_PYTHON ?= python3.13
 
 # The package is installed as a user would have it, anew when anything that is installed has changed:
 # the name of the stamp carries a checksum of it all.
@@ -14,13 +18,15 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 # Tests run in as many processes as there are cores: threads of their own would only wait for each other.
 test test-fast: export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help install demo test test-fast fuzz kills lint bench bench-tools worst compared references rivals-tools tools bench-ros study sensitivity paper soak network package clean
+.PHONY: help install demo test test-fast lowest highest fuzz mutants kills lint bench bench-tools worst compared references rivals-tools tools bench-ros study sensitivity paper soak network package clean
 
 help:
 	@echo "make demo      run SCENARIO ($(SCENARIO)) over ROS, recorded below bags/"
 	@echo "make test      all tests, on up to four cores; ARGS=... goes to pytest"
 	@echo "make test-fast the tests that start no processes and take seconds"
+	@echo "make lowest    the tests of test-fast with the lowest versions of setup.py on LOWEST_PYTHON ($(LOWEST_PYTHON)); highest: the newest on HIGHEST_PYTHON ($(HIGHEST_PYTHON))"
 	@echo "make fuzz      damaged scenarios, CSV files, recordings and messages, FUZZ=$(FUZZ) of each kind from SEED=$(SEED); some minutes"
+	@echo "make mutants   the core with one operator, number or statement changed, MUTANTS=$(MUTANTS) times from SEED=$(SEED): do its tests see it; an hour"
 	@echo "make kills     kill the recorder 20 times during a run, count what is recovered"
 	@echo "make lint      ruff and mypy"
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
@@ -61,8 +67,24 @@ test: $(STAMP)
 test-fast: $(STAMP)
 	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/pytest -n auto --maxprocesses 4 --dist worksteal -m 'not long and not processes' $(ARGS)
 
+# Without yeadon and pin, which need a newer numpy: their tests are skipped.
+lowest:
+	rm -rf build/lib build/lowest
+	$(LOWEST_PYTHON) -m venv build/lowest
+	sed -n '/install_requires/,/]/s/.*"\(.*\)>=\(.*\)",/\1==\2/p' setup.py >build/lowest/versions.txt
+	build/lowest/bin/python -m pip install --quiet --disable-pip-version-check 'pip>=24' 'setuptools>=77'
+	build/lowest/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation \
+	  -c build/lowest/versions.txt '.[ros]' hypothesis ipykernel mcap-ros2-support nbclient pytest pytest-xdist
+	ROS_PYTHON_CHECK_FIELDS=1 build/lowest/bin/pytest -n auto --maxprocesses 4 --dist worksteal -m 'not long and not processes' $(ARGS)
+
+highest:
+	$(MAKE) test-fast PYTHON=$(HIGHEST_PYTHON) VENV=build/highest
+
 fuzz: $(STAMP)
 	SKYDIVER_UTC_FUZZ=$(FUZZ) SKYDIVER_UTC_FUZZ_SEED=$(SEED) $(VENV)/bin/pytest -q -n auto test/fuzz $(ARGS)
+
+mutants: $(STAMP)
+	nice $(VENV)/bin/python -u benchmarks/mutants.py --count $(MUTANTS) --seed $(SEED) $(ARGS)
 
 kills: $(STAMP)
 	SKYDIVER_UTC_KILLS=20 $(VENV)/bin/pytest -q test/ros/processes/test_recorded_nodes.py $(ARGS)

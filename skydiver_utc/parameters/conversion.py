@@ -4,7 +4,7 @@
 import difflib
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
@@ -184,7 +184,8 @@ def _place(error: ErrorDetails, block: Any) -> Iterator[str]:
 
 def _field_names(model: Any, prefix: str = "") -> Iterator[str]:
     """Dotted names of all fields of a model and of the blocks in it."""
-    if isinstance(model, type) and issubclass(model, BaseModel):
+    # On Python 3.10 tuple[float, float] is an instance of type, too.
+    if get_origin(model) is None and isinstance(model, type) and issubclass(model, BaseModel):
         for name, field in model.model_fields.items():
             yield prefix + name
             yield from _field_names(field.annotation, f"{prefix}{name}.")

@@ -2,6 +2,7 @@
 """Settings: what is accepted, what is refused and under which name, and what comes back from YAML."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import paper_utc
@@ -18,6 +19,7 @@ from skydiver_utc.parameters import (
     to_yaml,
 )
 from skydiver_utc.parameters.loading import config_folder
+from skydiver_utc.parameters.nanoseconds import stamp_ns
 
 FAST = "fast_turn_unknown_dynamics"
 SCENARIOS = {name: load_scenario(name) for name in scenario_names()}
@@ -66,6 +68,17 @@ def test_steps_and_stamps_are_integers():
     assert (scenario.dt_ns, scenario.steps) == (4_200_000, 4762)
     assert scenario.stamp_ns(1000) - scenario.stamp_ns(0) == 4_200_000_000
     assert scenario.stamp_ns(0) > 0
+
+
+def test_a_stamp_in_nanoseconds_is_exact():
+    stamp = SimpleNamespace(sec=1_700_000_000, nanosec=999_999_999)
+    assert stamp_ns(stamp) == 1_700_000_000_999_999_999
+
+
+def test_limits_are_bounds_in_the_order_of_the_controls():
+    bounds = {"Cm_damp_yaw": [0.1, 4.0], "k_right": [-0.2, 1.0], "k_left": [-0.3, 2.0], "alpha": [-0.4, 0.5]}
+    limits = load_scenario(FAST, {f"plant.limits.{name}": pair for name, pair in bounds.items()}).plant.limits
+    assert (limits.minimum, limits.maximum) == ((0.1, -0.2, -0.3, -0.4), (4.0, 1.0, 2.0, 0.5))
 
 
 @pytest.mark.parametrize(
