@@ -18,6 +18,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
+from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
@@ -50,30 +51,12 @@ TESTS = {
 }
 LONGEST_S = 900.0  # a mutant whose tests hang is seen
 # Class in ast, operator, what stands in its place.
-_OPERATORS = """
-    Add | + | -
-    Sub | - | +
-    Mult | * | /
-    Div | / | *
-    FloorDiv | // | /
-    Mod | % | *
-    Pow | ** | *
-    Lt | < | <=
-    LtE | <= | <
-    Gt | > | >=
-    GtE | >= | >
-    Eq | == | !=
-    NotEq | != | ==
-    Is | is | is not
-    IsNot | is not | is
-    In | in | not in
-    NotIn | not in | in
-    And | and | or
-    Or | or | and
-"""
-_SWAPS = {
-    kind: (old, new) for kind, old, new in (row.split(" | ") for row in _OPERATORS.strip().split("\n    "))
-}
+_OPERATORS = (
+    *("Add + -", "Sub - +", "Mult * /", "Div / *", "FloorDiv // /", "Mod % *", "Pow ** *"),
+    *("Lt < <=", "LtE <= <", "Gt > >=", "GtE >= >", "Eq == !=", "NotEq != =="),
+    *("Is is is_not", "IsNot is_not is", "In in not_in", "NotIn not_in in", "And and or", "Or or and"),
+)
+_SWAPS = {kind: tuple(word.replace("_", " ") for word in swap) for kind, *swap in map(str.split, _OPERATORS)}
 
 
 class Mutant(NamedTuple):
@@ -193,12 +176,14 @@ def _test(copy: Path, tests: list[str]) -> None:
 def main(count: int, seed: int, rooms: tuple[str, ...], only_list: bool) -> None:
     """Run the tests on mutants of the core; exit code 1 if one in twenty, or more, survives."""
     rooms = rooms or tuple(TESTS)
-    chosen: list[Mutant] = []
+    samples = []
     for place, room in enumerate(rooms):
         files = sorted((ROOT / "skydiver_utc" / room).rglob("*.py"))
         found = [mutant for file in files for mutant in mutants_of(room, file.relative_to(ROOT))]
         share = count // len(rooms) + (place < count % len(rooms))
-        chosen += random.Random(f"{seed} {room}").sample(found, min(share, len(found)))
+        samples.append(random.Random(f"{seed} {room}").sample(found, min(share, len(found))))
+    # By turns, so that a run that is stopped has seen all rooms alike.
+    chosen = [mutant for turn in zip_longest(*samples) for mutant in turn if mutant is not None]
     if only_list:
         for mutant in chosen:
             click.echo(mutant.shown())
