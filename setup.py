@@ -45,7 +45,7 @@ setup(
         "pydantic>=2.6",
         "pyyaml>=6.0.1",
         "rich>=13.7",
-        "rosbags>=0.11",
+        "rosbags>=0.11.6",
         "scipy>=1.11.1",
         "zstandard>=0.21",
     ],

@@ -61,7 +61,9 @@ def count_progress(description: str, total: int, quiet: bool) -> Iterator[Callab
 def _bars(columns: Sequence[ProgressColumn], quiet: bool) -> Progress:
     console = Console(stderr=True)
     every = (TextColumn("{task.description}", markup=False), BarColumn(), *columns, TimeElapsedColumn())
-    return Progress(*every, console=console, transient=True, disable=quiet or not console.is_terminal)
+    # Older versions of rich end a disabled bar with an empty line.
+    console.quiet = quiet or not console.is_terminal
+    return Progress(*every, console=console, transient=True, disable=console.quiet)
 
 
 def _bar_of(bars: Progress, name: str, scenario: Scenario) -> Progressed:

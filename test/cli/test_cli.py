@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: help, refusals, output and exit codes."""
 
-import inspect
 import json
 import subprocess
 import sys
@@ -10,24 +9,17 @@ from typing import Any
 
 import pytest
 import yaml
-from click.testing import CliRunner, Result
+from command_line import invoke as call
 from recordings import without, write_run
 from runs import CART, cart, random_run, run_of
 
 from skydiver_utc.analysis.metrics import metrics
-from skydiver_utc.cli.main import main
 from skydiver_utc.cli.settings import parse_setting
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, scenario_names
 
 SCENARIO = "slow_turn_pose_only"
 SHORT = ("--set", "duration_s=0.1")
-# Before click 8.2 stderr came mixed into stdout unless asked otherwise.
-APART = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
-
-
-def call(*arguments: object) -> Result:
-    return CliRunner(**APART).invoke(main, list(map(str, arguments)))
 
 
 def refused(*arguments: object) -> str:

@@ -10,17 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
-
-from skydiver_utc.cli.main import main
+from click.testing import Result
+from command_line import invoke
 
 FIELD = Path(__file__).resolve().parents[1] / "data" / "field"
 TABLE = re.findall(r"^\| (\S+) \| .* \| (read|refused) \|$", (FIELD / "README.md").read_text(), re.MULTILINE)
 
 
-def invoke(*arguments: object) -> Result:
+def told(*arguments: object) -> Result:
     """A command; what it says may be anything but a traceback or escape sequences."""
-    result = CliRunner().invoke(main, list(map(str, arguments)))
+    result = invoke(*arguments)
     assert result.exception is None or isinstance(result.exception, SystemExit), (arguments, result.exc_info)
     assert "\x1b" not in result.output
     if result.exit_code == 2:
@@ -71,7 +70,7 @@ def test_the_table_is_complete() -> None:
 def test_every_command_reads_or_refuses(name: str, expected: str, tmp_path: Path) -> None:
     for place, arguments in enumerate(commands(FIELD / name, tmp_path)):
         before = {path: path.stat() for path in tmp_path.rglob("*")}
-        result = invoke(*arguments)
+        result = told(*arguments)
         if place == 0:
             assert (result.exit_code == 0) == (expected == "read"), result.output
         if result.exit_code == 2:

@@ -9,20 +9,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
-from command_line import call
+from command_line import call, invoke
 from recordings import write_run
 from runs import CART, cart, random_run
 
-from skydiver_utc.cli.main import main
 from skydiver_utc.parameters import ParameterError, from_yaml
 from skydiver_utc.parameters.files import new_folder, write_file
 
 FLOWN = CART.replace("{place: 2.0, speed: 0.0}", "{force: 1.0}")  # open loop
-
-
-def invoke(*arguments: object) -> Result:
-    return CliRunner().invoke(main, list(map(str, arguments)))
 
 
 @pytest.fixture

@@ -1,14 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`skydiver-utc` as a process of its own."""
+"""`skydiver-utc` as a process of its own, and in this one."""
 
+import inspect
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+from click.testing import CliRunner, Result
+
+from skydiver_utc.cli.main import main
 from skydiver_utc.cli.node_processes import PACKAGE_FOLDER
 
 PATIENCE_S = 150.0
+# Before click 8.2 stderr came mixed into stdout unless asked otherwise.
+_APART = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
+
+
+def invoke(*arguments: object) -> Result:
+    """A command in this process."""
+    return CliRunner(**_APART).invoke(main, list(map(str, arguments)))
 
 
 def start(*arguments: object, folder: Path | None = None, **environment: object) -> "subprocess.Popen[str]":

@@ -3,11 +3,10 @@
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import invoke
 from scipy.optimize import brentq
 from skydivers import falling_straight, joint_angles, oracle_derivative, skydiver
 
-from skydiver_utc.cli.main import main
 from skydiver_utc.parameters.loading import config_folder
 from skydiver_utc.parameters.yaml_io import read_yaml
 from skydiver_utc.plants.skydiver.trim import straight_fall
@@ -91,7 +90,7 @@ def test_the_neutral_posture_is_made_again_by_its_command(name, tmp_path):
     path = tmp_path / posture
     settings = [f"--set=plant.skydiver={name}", "--set=plant.posture=box"]
     arguments = ["pattern", "neutral", "bank_recovery", *settings, "--out", str(path)]
-    assert CliRunner().invoke(main, arguments).exit_code == 0
+    assert invoke(*arguments).exit_code == 0
     made, committed = read_yaml(path), read_yaml(config_folder() / "postures" / posture)
     for joint, degrees in committed.pop("joint_angles_deg").items():
         np.testing.assert_allclose(made["joint_angles_deg"][joint], degrees, atol=1e-4)
@@ -101,6 +100,6 @@ def test_the_neutral_posture_is_made_again_by_its_command(name, tmp_path):
 
 def test_a_file_that_cannot_be_written_is_refused(tmp_path):
     arguments = ["pattern", "neutral", "bank_recovery", "--out", str(tmp_path / "posture.txt")]
-    result = CliRunner().invoke(main, arguments)
+    result = invoke(*arguments)
     assert result.exit_code == 2
     assert ".yaml" in result.stderr

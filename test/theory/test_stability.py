@@ -5,10 +5,9 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import invoke
 
 import skydiver_utc.loop.linear_loop as linear_loop
-from skydiver_utc.cli.main import main
 from skydiver_utc.controllers.utc.settings import UtcSettings
 from skydiver_utc.controllers.utc.unscented_transform_controller import UnscentedTransformController
 from skydiver_utc.loop.registry import build_plant
@@ -172,7 +171,7 @@ def test_the_skydiver_near_a_steady_turn_follows_the_linear_loop():
 
 
 def test_the_verb_tells_all_in_json():
-    found = CliRunner().invoke(main, ["stability", "--alpha", "0.2", "--json"])
+    found = invoke("stability", "--alpha", "0.2", "--json")
     assert found.exit_code == 0
     values = json.loads(found.stdout)
     assert values["stable"]
@@ -192,7 +191,7 @@ def test_the_verb_tells_all_in_json():
     ],
 )
 def test_what_cannot_be_analysed_is_refused_in_one_sentence(arguments, words):
-    found = CliRunner().invoke(main, ["stability", *arguments])
+    found = invoke("stability", *arguments)
     assert found.exit_code == 2
     assert words in found.stderr
     assert len(found.stderr.splitlines()) == 1
@@ -241,7 +240,7 @@ def test_a_whole_matrix_qu_couples_the_controls(tmp_path):
 @pytest.mark.filterwarnings("error")
 def test_a_plant_that_grows_past_all_bounds_is_refused_in_one_sentence(tmp_path):
     plant = own_plant(tmp_path, "A: [[400]]")
-    found = CliRunner().invoke(main, ["stability", "--plant", plant, "--steps", "500"])
+    found = invoke("stability", "--plant", plant, "--steps", "500")
     assert found.exit_code == 2
     assert "grows past 1e+60 within 24 of 500 prediction steps: take fewer --steps" in found.stderr
     assert len(found.stderr.splitlines()) == 1
