@@ -44,7 +44,8 @@ class HorizonOutputs:
             self.reference[len(tracked) + k : size : count] = output.reference
         for k, nominal in enumerate(settings.nominal.values()):
             self.P_err[size + k, size + k], self.reference[size + k] = nominal.variance, nominal.value
-        self.not_known = np.full(len(tracked), settings.P_err is None)
+        # Indices of the tracked outputs whose P_err is not known yet.
+        self.not_known = set(range(len(tracked))) if settings.P_err is None else set[int]()
         self._set_error(np.eye(len(tracked)))
         if settings.P_err is not None:
             self.set_error(settings.P_err)
@@ -60,7 +61,8 @@ class HorizonOutputs:
         """P_err (l, l) of the tracked outputs at one step of the horizon; NaN for one that is not known yet."""
         l = len(self.tracked)
         found = self.P_err[:l, :l].copy()
-        found[self.not_known, self.not_known] = np.nan
+        unknown = sorted(self.not_known)
+        found[unknown, unknown] = np.nan
         return found
 
     def set_error(self, given: Covariance) -> None:
@@ -69,7 +71,7 @@ class HorizonOutputs:
         if not np.linalg.eigvalsh(found)[0] > 0.0:
             raise ValueError("P_err must be positive definite")
         self._set_error(found)
-        self.not_known[:] = False
+        self.not_known.clear()
 
     def derive_error(self, outputs: Array, share: float) -> None:
         """Take what is not known of P_err from outputs (2m+1, T l) of initial sigma points, drawn at a share
@@ -77,9 +79,9 @@ class HorizonOutputs:
         """
         l, found = len(self.tracked), self.P_err[: len(self.tracked), : len(self.tracked)].copy()
         moved = self.spread(outputs)[:, :l].max(axis=0) / share
-        for k in np.flatnonzero(self.not_known & (moved > 0.0)):
+        for k in [k for k in self.not_known if moved[k] > 0.0]:
             found[k, k] = (_SHARE_OF_SPREAD * moved[k]) ** 2
-            self.not_known[k] = False
+            self.not_known.discard(k)
         self._set_error(found)
 
     def spread(self, outputs: Array) -> Array:

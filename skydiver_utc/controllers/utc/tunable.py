@@ -82,7 +82,7 @@ class Tunable:
     @property
     def P_err(self) -> Array:
         """Covariance of the tracking error (l, l), a copy; set it as in the settings, also between steps."""
-        if self._outputs.not_known.any():
+        if self._outputs.not_known:
             self._derive_P_err(
                 self.plant.initial_state(), np.zeros((self._preview_steps + 1, len(self._outputs.tracked)))
             )
@@ -173,7 +173,7 @@ class Tunable:
         for name in _CHANGING:
             getattr(self._law, name)[:] = memory[name]
         self._Qu[:], self._started, self._moved = memory["_Qu"], memory["_started"], memory["_moved"]
-        self._outputs.not_known[:] = memory["not_known"]
+        self._outputs.not_known = set(memory["not_known"])
         if self._coupling is not None:
             self._coupling.memory = memory["coupling"]
         if self._offset is not None:
@@ -186,7 +186,7 @@ class Tunable:
         law.control[:], law.Pu[:] = self._initial, self._initial_Pu
         for share in (_OF_SLOPE, 1.0):
             for x, ahead in ((self.plant.initial_state(), np.zeros_like(preview)), (state, preview)):
-                if self._outputs.not_known.any():
+                if self._outputs.not_known:
                     law.spread[:] = share
                     self._roll(x, ahead, self._out)
                     self._outputs.derive_error(law.of_roll_out, share)

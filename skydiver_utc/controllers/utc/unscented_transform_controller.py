@@ -242,7 +242,7 @@ class UnscentedTransformController(Tunable):
         reference: as in `step`
         """
         x, preview = self._checked(state, reference)
-        if self._outputs.not_known.any():
+        if self._outputs.not_known:
             self._derive_P_err(x, preview)
         law, of = self._law, self._outputs
         kept, law.spread[:] = law.spread.copy(), 1.0
@@ -297,7 +297,7 @@ class UnscentedTransformController(Tunable):
                 if self._coupling is None
                 else self._coupling.process_noise(preview[:, 0], self._law.control)
             )
-        if self._outputs.not_known.any():
+        if self._outputs.not_known:
             self._derive_P_err(state, preview)
         self._law.Qu[:] = Qu
         self._run(state, preview, self._out)
