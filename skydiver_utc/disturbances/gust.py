@@ -16,9 +16,9 @@ Array = NDArray[np.float64]
 
 
 class Gust(Disturbance):
-    """A horizontal 1-cosine gust (MIL-F-8785C, 3.7.3) on a plant whose state is that of a body in the air.
+    """A horizontal 1-cosine gust (the shape of FAR 25.341) on a plant whose state is that of a body in the air.
 
-    The plant's velocity becomes that relative to the air, of which its forces depend; the measured one is that over
+    The plant's velocity becomes that relative to the air, on which its forces depend; the measured one is that over
     ground, so that the controller does not know the wind.
     """
 
@@ -36,7 +36,7 @@ class Gust(Disturbance):
     def __init__(self, settings: Settings, plant: Plant, dt_s: float, seed: tuple[int, int]) -> None:
         if plant.state_message != "odometry":
             raise ValueError(
-                "the plant's state has no velocity in the air: take a gust out, or fly a skydiver"
+                "the plant's state has no velocity in the air: take the gust out, or fly a skydiver"
             )
         self._settings, self._dt_s = settings, dt_s
         angle = math.radians(settings.to_deg)

@@ -246,14 +246,14 @@ class ScenarioNode(ManagedNode):
             self.get_logger().warning(sentence + self._elsewhere())
 
     def _elsewhere(self) -> str:
-        """The other namespaces in which there is a state, a reference or a command, for a partner sought in vain."""
+        """The other namespaces in which there is a state, a reference or a command: the partner may be there."""
         own, found = self.get_namespace().rstrip("/"), set[str]()
         for name, types in self.get_topic_names_and_types():
             namespace, _, relative = name.rpartition("/")
             for topic in (topics.STATE, topics.REFERENCE_PREVIEW, topics.COMMAND):
                 if relative == topic.name and topic.type_name in types and namespace != own:
                     found.add(namespace or "/")
-        return f"; look in namespace {', '.join(sorted(found))}, this is {own or '/'}" if found else ""
+        return f"; this is namespace {own or '/'}, others run in {', '.join(sorted(found))}" if found else ""
 
 
 def given_parameters(node: Node) -> dict[str, Any]:

@@ -5,16 +5,30 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
 def write_file(path: Path, content: str | bytes) -> None:
-    """Write a file; a failure, an `OSError` with this name, leaves an older one. A link is replaced, not followed."""
+    """Write a file; a failure, an `OSError` with this name, leaves an older one. A link is replaced, not followed.
+
+    A pipe and a device, such as /dev/stdout, are written to.
+    """
+    data = content.encode() if isinstance(content, str) else content
+    if _is_stream(path):
+        path.write_bytes(data)
+        return
     with _draft(path) as draft, draft.open("xb") as file:
-        file.write(content.encode() if isinstance(content, str) else content)
+        file.write(data)
         file.flush()
         os.fsync(file.fileno())
+
+
+def _is_stream(path: Path) -> bool:
+    """True for a pipe or a device, by a link only below /dev."""
+    if path.is_symlink() and not path.absolute().is_relative_to("/dev"):
+        return False
+    return path.exists() and not path.is_file() and not path.is_dir()
 
 
 @contextmanager
@@ -33,10 +47,11 @@ def _draft(path: Path) -> Iterator[Path]:
         yield draft
         draft.rename(path)
     except BaseException as error:
-        if draft.is_dir():
-            shutil.rmtree(draft, ignore_errors=True)
-        else:
-            draft.unlink(missing_ok=True)
+        with suppress(OSError):  # a name that no file can have
+            if draft.is_dir():
+                shutil.rmtree(draft, ignore_errors=True)
+            else:
+                draft.unlink(missing_ok=True)
         if isinstance(error, OSError) and str(error.filename or draft).startswith(str(draft)):
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise

@@ -176,8 +176,10 @@ def _read_table(block: Any, beside: Path) -> Any:
     path = beside / str(block["file"])
     try:
         table = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ParameterError(f"parameter reference.file: {path} cannot be read: {error}") from error
+    except (OSError, ValueError) as error:
+        raise ParameterError(
+            f"parameter reference.file: {path} cannot be read ({error}): give a CSV file in UTF-8"
+        ) from error
     return {name: value for name, value in block.items() if name != "file"} | {"table": table}
 
 

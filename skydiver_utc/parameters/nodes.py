@@ -93,7 +93,9 @@ class ControllerNodeSettings(_PartnerSettings):
 class RecorderNodeSettings(NodeSettings):
     """The recorder: writes every topic into a rosbag2 folder until the outcome or an interrupt."""
 
-    out: Annotated[str, text("folder of the bag, not existing yet; empty: bags/<UTC time>_<scenario>")] = ""
+    out: Annotated[
+        str, text("folder of the bag, a new or an empty one; empty text: bags/<UTC time>_<scenario>")
+    ] = ""
 
 
 class PlayerNodeSettings(Parameters):

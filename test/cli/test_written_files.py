@@ -68,6 +68,18 @@ def test_a_link_is_replaced_and_not_followed(tmp_path: Path) -> None:
     assert (own.read_text(), link.read_text(), link.is_symlink()) == ("mine", "new", False)
 
 
+def test_a_pipe_and_a_device_are_written_to(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    write_file(pipe, "new")
+    assert os.read(reader, 9) == b"new"
+    assert pipe.is_fifo()
+    os.close(reader)
+    write_file(Path(os.devnull), "new")
+    assert Path(os.devnull).is_char_device()
+
+
 def test_links_in_a_run_folder_lead_nowhere(tmp_path: Path) -> None:
     own = tmp_path / "own.json"
     own.write_text('{"secret": "1234"}')

@@ -66,6 +66,18 @@ def test_another_dt_goes_on_from_the_same_control():
     np.testing.assert_array_equal(drive.rate, fresh.rate)
 
 
+def test_another_dt_converts_what_was_tuned_at_one():
+    drive = controller(horizon=(4, 8), Qu=0.02, tuned_at_dt_s=0.1, offset_share=0.1)
+    drive.step([0.0, 0.0], 0.05)
+    drive.dt = 0.05
+    assert drive.settings.at_step(drive.dt).steps == (8, 16)
+    assert drive.Qu == pytest.approx(0.01)
+    assert drive.step([0.0, 0.0], 0.05).predicted.shape == (2,)
+    with pytest.raises(ValueError, match="dt"):
+        drive.dt = 0.8
+    assert (drive.dt, drive.Qu) == (0.05, pytest.approx(0.01))
+
+
 def test_equal_bounds_freeze_a_control():
     drive = controller(
         straight, None, state=[0.0, 0.0], control=[0.0, 0.3], minimum=[-1, 0.3], maximum=[1, 0.3]

@@ -87,7 +87,6 @@ def test_a_plant_that_runs_away_is_not_reached():
     states, results = run(drive, exploding, [1.0], 0.0, 120)
     assert abs(states[-1, 0]) > 1e9
     assert results[-1].status is Status.NOT_REACHED
-    assert "reach" in results[-1].sentence
 
 
 def fallen(x, u, dt):
@@ -308,8 +307,9 @@ def test_a_turn_that_ends_comes_to_rest():
     run = simulate(load_scenario("fast_turn_pi_dynamics", {"duration_s": 16.0, "reference": reference}))
     late = np.degrees(run.output("yaw_rate")[run.time_s > 14.0])
     assert np.abs(late).max() < 1.0
-    assert metrics(run)["status_steps"]["not_reached"] < 300
-    assert "out of reach" in metrics(run)["reason"]
+    stuck = metrics(run)["status_steps"]["not_reached"]
+    assert 0 < stuck < 300
+    assert f"{stuck} of {len(run.status)}" in metrics(run)["reason"]
 
 
 def test_settings_tuned_at_another_step_do_the_same_per_second():
@@ -326,5 +326,7 @@ def test_settings_are_converted_to_another_step():
     half = tuned.at_step(0.01)
     assert (half.steps, half.Qu, half.Qu_ratio) == ((10, 40), (0.05, 0.1), 0.15)
     assert half.forgetting_factor == pytest.approx(0.1)
+    with pytest.raises(ValueError, match="horizon_steps"):
+        tuned.at_step(1e-4)
     assert half.preview_steps(0.01) == tuned.preview_steps(0.01) == 40
     assert UtcSettings(horizon_steps=5).at_step(9.0).steps == (5,)

@@ -105,7 +105,9 @@ def test_a_wrong_table_is_refused(load, tmp_path, table, words):
         assert word in str(caught.value)
 
 
-@pytest.mark.parametrize("reference", ["{kind: csv, file: none.csv}", "{kind: csv}"])
+@pytest.mark.parametrize(
+    "reference", ["{kind: csv, file: none.csv}", '{kind: csv, file: "a\\0b"}', "{kind: csv}"]
+)
 def test_a_missing_file_is_named(load, reference):
     with pytest.raises(ParameterError, match="file"):
         load(reference)

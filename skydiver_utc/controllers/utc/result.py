@@ -28,7 +28,7 @@ class UtcResult:
         outputs of the sigma points; `innovation` of the settings says with which the reference is compared
     sigma_points (2m+1, m), outputs (2m+1, l): controls that were tried, the present one first, and their outputs
     gain (m, l): K, which turns the innovation into a change of the control
-    covariance (m, m): Pu after the step; grown: the controls whose variance in it is above any that they need
+    covariance (m, m): Pu after the step; grown: the controls whose variance in it is too large
     repaired: the sum added to the eigenvalues of Pu before its root could be taken
     lost: how many of the 2m+1 sigma points diverged inside the horizon and were left out
     cause: the first error of plant, output or control dynamics by which a point diverged, "" where none raised one
@@ -155,5 +155,5 @@ class UtcResult:
         if not self.grown:
             return []
         return [
-            f"Pu of {' and '.join(self.grown)} has grown where no output sees it: set forgetting_factor or nominal"
+            f"Pu of {' and '.join(self.grown)} has grown too large: set forgetting_factor or nominal, or a smaller Qu"
         ]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from typing_extensions import Self
 
+from skydiver_utc.parameters.conversion import checked
 from skydiver_utc.parameters.fields import Parameters, SlotSettings, quantity, text
 
 Array = NDArray[np.float64]
@@ -112,7 +113,7 @@ class UtcSettings(SlotSettings):
     innovation: Annotated[
         Literal["mean", "control"],
         text(
-            "prediction that the reference is compared with: the mean of the sigma points' outputs (eq:zpred), or the"
+            "prediction that the reference is compared with: the mean of the sigma points' outputs, or the"
             " output of the control itself, which leaves no offset where the output is curved"
         ),
     ] = "mean"
@@ -179,7 +180,8 @@ class UtcSettings(SlotSettings):
         """The settings that do the same per second with a step of dt_s, where `tuned_at_dt_s` tells theirs.
 
         The horizon keeps its length; Qu grows with the step, and what is not forgotten in a step is a power of it.
-        P_err and nominal variances are no densities: they say how close is close enough.
+        P_err and nominal variances are no densities: they say how close is close enough. Raises ValueError where a
+        converted number is out of its bounds.
         """
         if self.tuned_at_dt_s is None or self.tuned_at_dt_s == dt_s:
             return self
@@ -192,7 +194,7 @@ class UtcSettings(SlotSettings):
             "forgetting_factor": 1.0 - (1.0 - self.forgetting_factor) ** steps_in_one,
             "tuned_at_dt_s": dt_s,
         }
-        return type(self).model_validate(given)
+        return checked(type(self), given)
 
     def preview_steps(self, dt_s: float) -> int:
         """Steps of reference that a decision takes beyond the present one."""

@@ -132,7 +132,7 @@ class Tunable:
 
     @property
     def dt(self) -> float:
-        """Length of a step; the horizon keeps its steps and Qu is what a step adds (see `UtcSettings.for_step`)."""
+        """Length of a step. Horizon and Qu count in steps and stay; with `tuned_at_dt_s` they are converted."""
         return self.plant.dt_s
 
     @dt.setter
@@ -141,7 +141,14 @@ class Tunable:
         memory, other = self._memory(), copy(plant)
         vars(other).pop("bound_model", None)
         other.model, other.dt_s = plant.model_of_step(value), float(value)
-        memory["limits"][2] *= other.dt_s / plant.dt_s
+        share = other.dt_s / plant.dt_s
+        if len(settings.at_step(other.dt_s).steps) != len(settings.at_step(plant.dt_s).steps):
+            raise ValueError(f"dt = {value:g}: two steps of the horizon would be one; choose a smaller dt")
+        memory["limits"][2] *= share
+        if settings.tuned_at_dt_s is not None:
+            memory["_Qu"] *= share
+        if self._offset is not None:
+            memory["offset_of"] = [], []  # the states measured so far are not a new step apart
         self._make(settings, other, outputs, dynamics)
         self._remember(memory)
 
