@@ -65,7 +65,7 @@ def metrics(run: Run) -> dict[str, Any]:
         "schema_version": SCHEMA_VERSION,
         "scenario": run.scenario.name,
         "outcome": run.outcome.value,
-        "reason": "; ".join((run.reason, *run.warnings)),
+        "reason": "; ".join(filter(None, (run.reason, *run.warnings))),
         "outputs": outputs,
         "rmse_deg_s": rate and _degrees(rate["rmse"]),
         "max_abs_error_deg_s": rate and _degrees(rate["max_abs_error"]),

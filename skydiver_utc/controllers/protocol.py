@@ -19,7 +19,7 @@ class Status(IntEnum):
 
     SATURATED: a control is on a bound or at its largest change; REPAIRED: numbers were repaired or points left out;
     KEPT_PREVIOUS: there was no answer; NO_EFFECT: no control moves one of the outputs inside the horizon;
-    NOT_REACHED: the distance to a reference that stands still has long been large and shrinks no more
+    NOT_REACHED: the distance to a reference that stands still has long been large and hardly shrinks
     """
 
     SOLVED = 0

@@ -234,6 +234,22 @@ def test_an_arm_tells_whether_its_hand_reaches_a_place(place, reached):
     assert bool(np.abs(hand(states[-1]) - place).max() < 1e-3) is reached
 
 
+@pytest.mark.parametrize("bound", [1e60, 1e155, 1e300, np.inf])
+def test_a_range_that_is_too_large_asks_for_Pu(bound):
+    with pytest.raises(ValueError, match="Pu"):
+        controller(straight, None, state=[0.0], minimum=-bound, maximum=bound)
+
+
+def test_an_output_offset_survives_a_state_that_is_lost():
+    """The plant of the model: no offset, though one measurement is not finite."""
+    drive, x = controller(tank, None, state=[1.0], control=0.4, horizon=4, offset_share=1.0), np.array([1.0])
+    for k in range(30):
+        result = drive.step([np.nan] if k == 5 else x, 2.0)
+        x = tank(x, result.control, 0.1)
+        if k != 5:
+            np.testing.assert_allclose(result.of_control, result.outputs[0], atol=1e-9)
+
+
 def wrap(angle):
     return np.arctan2(np.sin(angle), np.cos(angle))
 

@@ -19,6 +19,8 @@ from skydiver_utc.unscented.sigma_points import weights
 Array = NDArray[np.float64]
 # After how many horizons, and steps at least, an innovation that does not shrink counts as not reached.
 _PATIENCE, _LEAST_PATIENCE = 10, 50
+# Products of squares of a larger range would overflow.
+_LARGEST_RANGE = 1e50
 
 
 def check_names(settings: UtcSettings, plant: Plant) -> None:
@@ -43,8 +45,8 @@ def initial_covariance(settings: UtcSettings, limits: Array, controls: tuple[str
             )
         return variances
     spans = limits[1] - limits[0]
-    if not np.isfinite(spans).all():
-        raise ValueError("Pu is needed, because not every control has a finite range to take it from")
+    if not (spans < _LARGEST_RANGE).all():
+        raise ValueError("Pu is needed: the range of a control is infinite, or too large to take it from")
     # A control whose bounds are equal never moves: any variance does.
     return np.diag((0.1 * np.where(spans > 0.0, spans, 1.0)) ** 2)
 

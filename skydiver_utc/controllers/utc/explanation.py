@@ -39,6 +39,8 @@ class Explanation:
     @property
     def hints(self) -> tuple[str, ...]:
         """What to change, in words."""
+        if self.diverged == 2 * len(self.controls) + 1:
+            return tuple(self._about_divergence())
         return (
             *self._about_divergence(),
             *(hint for k in range(len(self.outputs)) for hint in self._about_output(k)),

@@ -126,10 +126,10 @@ class UtcResult:
         if self.status is Status.NO_EFFECT:
             return [
                 f"no control moves {' or '.join(self.unmoved)} inside the horizon by what P_err lets count; take a"
-                " longer horizon, or another output"
+                " longer horizon, a smaller P_err, or another output"
             ]
         if self.status is Status.NOT_REACHED:
-            return ["the reference has long been out of reach, and comes no nearer"]
+            return ["the predicted output has long been far from the reference, and hardly comes nearer"]
         return []
 
     @property

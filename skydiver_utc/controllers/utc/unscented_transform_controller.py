@@ -200,6 +200,8 @@ class UnscentedTransformController(Tunable):
         else:
             self._law.innovation[:] = 0.0
             status, recovery, lost = self._without_update(Status.KEPT_PREVIOUS)
+            if self._offset is not None:
+                self._offset.apply(x, self._law.control)
         return self._result(status, recovery, lost, before)
 
     def _result(self, status: Status, recovery: Recovery, lost: int, before: Array) -> UtcResult:
