@@ -64,20 +64,19 @@ class Mutant(NamedTuple):
 
     room: str
     file: Path  # from the root
-    line: int
+    data: bytes  # of the file
     start: int
     end: int
     new: str
 
     def shown(self) -> str:
-        data = (ROOT / self.file).read_bytes()
-        old = " ".join(data[self.start : self.end].decode().split())
-        text = data.splitlines()[self.line - 1].decode().strip()
-        return f"{self.file}:{self.line}: {old[:60]!r} -> {self.new!r} in: {text}"
+        line = self.data.count(b"\n", 0, self.start)
+        old = " ".join(self.data[self.start : self.end].decode().split())
+        text = self.data.splitlines()[line].decode().strip()
+        return f"{self.file}:{line + 1}: {old[:60]!r} -> {self.new!r} in: {text}"
 
-    def apply(self, copy: Path) -> None:
-        data = (ROOT / self.file).read_bytes()
-        (copy / self.file).write_bytes(data[: self.start] + self.new.encode() + data[self.end :])
+    def mutated(self) -> bytes:
+        return self.data[: self.start] + self.new.encode() + self.data[self.end :]
 
 
 def mutants_of(room: str, file: Path) -> list[Mutant]:
@@ -123,7 +122,7 @@ def mutants_of(room: str, file: Path) -> list[Mutant]:
                 yield begin(node), end(node), "pass"
 
     found = [
-        Mutant(room, file, data.count(b"\n", 0, start) + 1, start, stop, new)
+        Mutant(room, file, data, start, stop, new)
         for node in _code(ast.parse(data))
         for start, stop, new in changes(node)
     ]
@@ -145,7 +144,7 @@ def _code(node: ast.AST) -> Iterator[ast.AST]:
 
 def survives(mutant: Mutant, copy: Path) -> bool:
     """Whether the tests of its room pass with a mutant, which is taken back afterwards."""
-    mutant.apply(copy)
+    (copy / mutant.file).write_bytes(mutant.mutated())
     tests = multiprocessing.get_context("fork").Process(target=_test, args=(copy, TESTS[mutant.room].split()))
     tests.start()
     tests.join(LONGEST_S)
@@ -153,7 +152,7 @@ def survives(mutant: Mutant, copy: Path) -> bool:
     if hangs:
         tests.kill()
         tests.join()
-    shutil.copyfile(ROOT / mutant.file, copy / mutant.file)
+    (copy / mutant.file).write_bytes(mutant.data)
     return not hangs and tests.exitcode == 0
 
 
