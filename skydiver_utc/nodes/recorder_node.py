@@ -37,6 +37,7 @@ _QUEUE_LIMIT_BYTES = 256 * 1024**2  # some minutes of a run
 _MOST_WAITING_MESSAGES = 10_000
 
 
+_OF_ANY_NODE = {topic.name for topic in (topics.DIAGNOSTICS, topics.LOGS, topics.PARAMETER_EVENTS)}
 _Received = list[tuple[RecorderInput, RawMessage]]
 
 
@@ -116,11 +117,11 @@ class RecorderNode(ScenarioNode):
         return Health(Level.ERROR if self.failure else Level.OK, self.failure or "recording", values)
 
     def drain(self) -> int:
-        """Record every message since the last call; returns their number."""
+        """Record every message since the last call; returns how many are of a run, not of any node."""
         received = self._take_all()
         self._record(received)
         self.done = self._run.ended
-        return len(received)
+        return sum(each.topic.name not in _OF_ANY_NODE for each, _ in received)
 
     def close(self) -> int:
         """Record the messages still on their way and close the bag."""

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from carts import assert_usable, cart, controller, straight
 
-from skydiver_utc import Status, UtcSettings
+from skydiver_utc import Status, UnscentedTransformController, UtcSettings
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import load_scenario
@@ -346,3 +346,22 @@ def test_settings_are_converted_to_another_step():
         tuned.at_step(1e-4)
     assert half.preview_steps(0.01) == tuned.preview_steps(0.01) == 40
     assert UtcSettings(horizon_steps=5).at_step(9.0).steps == (5,)
+
+
+@pytest.mark.parametrize(
+    ("variance", "not_these"), [(1e-6, {Status.NO_EFFECT}), (1e-8, {Status.NO_EFFECT, Status.NOT_REACHED})]
+)
+def test_a_slow_approach_on_a_bound_is_not_without_effect(variance, not_these):
+    def slow(state, control, dt):
+        return state + dt * control
+
+    drive = UnscentedTransformController.of(
+        slow, state=[0.0], control=[0.0], dt=0.001, horizon=8, minimum=-0.01, maximum=0.01, P_err=variance
+    )
+    state, found = np.zeros(1), set()
+    for _ in range(300):
+        result = drive.step(state, 1.0)
+        found.add(result.status)
+        state = slow(state, result.control, 0.001)
+    assert result.control[0] == 0.01
+    assert not found & not_these

@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 LEAST_EFFECT = 1e-6
 # An innovation beyond this many sqrt(P_err) is large.
 LARGE = 3.0
+# An innovation that has shrunk neither by this share nor by 3 sqrt(P_err) within `patience` steps has come to a halt.
+LEAST_PROGRESS = 1e-2
 
 
 @kernel
@@ -23,7 +25,10 @@ def without_effect(law: Any, Pu: Array, C_uy: Array) -> bool:
         law.effect[k] = 0.0
         for a in range(Pu.shape[0]):
             if Pu[a, a] > 0.0:
-                law.effect[k] = max(law.effect[k], C_uy[a, k] * C_uy[a, k] / Pu[a, a])
+                # Pu shrinks on a bound, the range of a control does not.
+                span = law.limits[1, a] - law.limits[0, a]
+                reach = span * span if span < np.inf else Pu[a, a]
+                law.effect[k] = max(law.effect[k], (C_uy[a, k] / Pu[a, a]) ** 2 * reach)
     found = False
     for k in range(law.per_step):
         unmoved = True
@@ -48,7 +53,7 @@ def not_reached(law: Any) -> bool:
     if moved:
         for k in range(law.reference.shape[0]):
             watch[2 + k] = law.reference[k]
-    if moved or size <= LARGE or size < 0.99 * watch[0]:
+    if moved or size <= LARGE or size < watch[0] - min(LEAST_PROGRESS * watch[0], LARGE):
         watch[0], watch[1] = size, 0.0
     else:
         watch[1] += 1.0
