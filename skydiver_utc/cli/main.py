@@ -99,7 +99,7 @@ def _sentence(error: Exception) -> str:
 def _run(module: str, function: str, **options: Any) -> NoReturn:
     """Call a function of a command's module; it returns the exit code, or nothing for 0."""
     command = getattr(import_module(f"skydiver_utc.cli.{module}"), function)
-    if "numba" in sys.modules:  # else the command compiles nothing
+    if "numba" in sys.modules and not options.get("quiet"):  # without numba the command compiles nothing
         from skydiver_utc.jit import on_first_compilation
 
         on_first_compilation(partial(click.echo, err=True))
