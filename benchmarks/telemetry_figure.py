@@ -35,7 +35,7 @@ _DEVIATIONS = (
     ("std_Cm_damp_yaw", "damping", GREEN, _SOLID),
     ("std_k_right", "right hand", VERMILLION, _DASHED),
     ("std_k_left", "left hand", PURPLE, _SOLID),
-    ("std_alpha", "$\\alpha$", BLUE, _SOLID),
+    ("std_alpha", "α", BLUE, _SOLID),
 )
 # None of these is a control's.
 _STATUS_COLOURS = {"solved": PALE, "saturated": ORANGE, "repaired": GREY, "kept_previous": INK}

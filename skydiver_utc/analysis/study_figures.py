@@ -45,7 +45,7 @@ def sweeps_figure(panels: Sequence[Panel]) -> Figure:
             _draw_sweep(axes[0, column], panel, [curve.rmse for curve in panel.curves])
             _draw_sweep(axes[1, column], panel, [curve.effort for curve in panel.curves])
             axes[0, column].set_yscale("log")
-            axes[1, column].set_xlabel(panel.label)
+            axes[1, column].set_xlabel(panel.label, parse_math=True)
         axes[1, 0].set_ylim(
             0.0, 1.08 * _largest([curve.effort for panel in panels for curve in panel.curves])
         )
