@@ -3,7 +3,7 @@
 
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -31,11 +31,10 @@ REFUSALS = (RefusedError, ParameterError, RecordingError)
 @contextmanager
 def destroyed_on_error(node: Node) -> Iterator[None]:
     """Destroy a node whose constructor fails: it would stay in the graph, and its shared memory on the machine."""
-    try:
+    with ExitStack() as on_error:
+        on_error.callback(node.destroy_node)
         yield
-    except Exception:
-        node.destroy_node()
-        raise
+        on_error.pop_all()
 
 
 class ManagedNode(LifecycleNodeMixin, Node):

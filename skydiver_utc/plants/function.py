@@ -91,8 +91,8 @@ class FunctionPlant(Plant):
         if not (isinstance(dt, Real) and np.isfinite(dt) and dt > 0.0):
             raise ValueError(f"dt is {dt!r}; it must be a number above zero.")
         self.dt_s = float(dt)
-        self.minimum, self.maximum = _limit("minimum", minimum, m), _limit("maximum", maximum, m)
-        self.rate = _limit("rate", rate, m)
+        self.minimum, self.maximum = per_control("minimum", minimum, m), per_control("maximum", maximum, m)
+        self.rate = per_control("rate", rate, m)
         if not (self.minimum <= self.maximum).all():
             raise ValueError(f"minimum {self.minimum.tolist()} is above maximum {self.maximum.tolist()}.")
         if not ((self.minimum <= self._control) & (self._control <= self.maximum)).all():
@@ -233,7 +233,8 @@ def _vector(name: str, value: ArrayLike) -> Array:
     return array
 
 
-def _limit(name: str, value: ArrayLike, m: int) -> Array:
+def per_control(name: str, value: ArrayLike, m: int) -> Array:
+    """One number for each control (m,). Raises ValueError."""
     array = numbers(name, value)
     if array.shape not in ((), (m,)) or np.isnan(array).any():
         raise ValueError(f"{name} must be one number or {m} numbers, not {value!r}.")

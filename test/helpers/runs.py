@@ -15,12 +15,7 @@ from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 EPOCH_S = 1_700_000_000
 _PLANTS: dict[str, Plant] = {}
 LIMITS = {"Cm_damp_yaw": [0.0, 4.0], "k_right": [-1.0, 1.0], "k_left": [-1.0, 1.0], "alpha": [-1.0, 1.0]}
-CART = """
-name: cart
-title: A cart on rails
-duration_s: 4.0
-dt_s: 0.05
-epoch_s: 1700000000
+CART_PLANT = """\
 plant:
   kind: linear
   time: continuous
@@ -31,8 +26,15 @@ plant:
   initial: [0.0, 0.0]
   minimum: [-3.0]
   maximum: [3.0]
-reference: {kind: constant, values: {place: 2.0, speed: 0.0}}
-controller: {kind: open_loop}
+"""
+CART = f"""
+name: cart
+title: A cart on rails
+duration_s: 4.0
+dt_s: 0.05
+epoch_s: 1700000000
+{CART_PLANT}reference: {{kind: constant, values: {{place: 2.0, speed: 0.0}}}}
+controller: {{kind: open_loop}}
 """
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from runs import CART_PLANT
 from scipy.signal import chirp, find_peaks
 
 from skydiver_utc.loop.closed_loop import simulate
@@ -12,22 +13,12 @@ from skydiver_utc.loop.registry import build_reference
 from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, override, to_yaml
 
 PENDULUM = Path(__file__).parents[2] / "examples" / "own_plant" / "pendulum.yaml"
-CART = """
+CART = f"""
 name: cart
 duration_s: 1.0
 dt_s: 0.01
-plant:
-  kind: linear
-  time: continuous
-  A: [[0.0, 1.0], [0.0, -0.1]]
-  B: [[0.0], [2.0]]
-  states: [place, speed]
-  controls: [force]
-  initial: [0.0, 0.0]
-  minimum: [-3.0]
-  maximum: [3.0]
-controller: {{kind: utc, horizon_steps: 10}}
-reference: {{output: place, {}}}
+{CART_PLANT}controller: {{{{kind: utc, horizon_steps: 10}}}}
+reference: {{{{output: place, {{}}}}}}
 """
 STEPS = 1200
 TIME = 0.01 * np.arange(STEPS)

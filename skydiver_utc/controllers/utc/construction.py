@@ -12,7 +12,7 @@ from skydiver_utc.controllers.utc.dynamics import incremental, user_dynamics
 from skydiver_utc.controllers.utc.horizon_outputs import HorizonOutputs
 from skydiver_utc.controllers.utc.law import Law
 from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
-from skydiver_utc.plants.function import numbers
+from skydiver_utc.plants.function import per_control
 from skydiver_utc.plants.protocol import Plant
 from skydiver_utc.unscented.sigma_points import weights
 
@@ -154,14 +154,6 @@ def rates(given: ArrayLike, m: int) -> Array:
     if not (found > 0.0).all():
         raise ValueError(f"rate must be above zero for every control, not {given!r}")
     return found
-
-
-def per_control(name: str, given: ArrayLike, m: int) -> Array:
-    """One number for each control (m,). Raises ValueError."""
-    found = numbers(name, given)
-    if found.shape not in ((), (m,)) or np.isnan(found).any():
-        raise ValueError(f"{name} must be one number or {m} numbers, not {given!r}")
-    return np.broadcast_to(found, (m,))
 
 
 def plain(value: Any) -> Any:

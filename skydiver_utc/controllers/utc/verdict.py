@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from skydiver_utc.jit import kernel
 
 Array = NDArray[np.float64]
-# Below this share of P_err the variance of an output that controls explain moves nothing in any time that counts.
+# Below this share of P_err what controls move of an output, squared, moves nothing in any time that counts.
 LEAST_EFFECT = 1e-6
 # An innovation beyond this many sqrt(P_err) is large.
 LARGE = 3.0
