@@ -23,6 +23,7 @@ _MODULES = {
     "Reference": "references.protocol",
     "Run": "loop.run",
     "Scenario": "parameters.scenario",
+    "Shape": "plants.protocol",
     "SlotSettings": "parameters.fields",
     "Status": "controllers.protocol",
     "UnscentedTransformController": "controllers.utc.unscented_transform_controller",

@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from skydiver_utc import Model, Plant, SlotSettings, kernel, quantity, runge_kutta
+from skydiver_utc import Model, Plant, Shape, SlotSettings, kernel, quantity, runge_kutta
 
 
 class Numbers(NamedTuple):
@@ -64,7 +64,16 @@ class Pendulum(Plant):
         numbers = Numbers(9.81 / settings.length_m, settings.damping, inertia, dt_s)
         self.model = Model(step, outputs, numbers, state_size=2)
         self._start = np.deg2rad(settings.angle_deg)
+        self._length = settings.length_m
+        rod = np.array([0.02, 0.02, 0.5 * settings.length_m])
+        self.shapes = (Shape("rod", rod), Shape("mass", np.full(3, 0.06)))
 
     def initial_state(self) -> np.ndarray:
         """At rest."""
         return np.array([self._start, 0.0])
+
+    def shape_poses(self, state, applied):
+        """The rod's middle and its end; the pendulum swings in the plane of x and z."""
+        down = self._length * np.array([np.sin(state[0]), 0.0, -np.cos(state[0])])
+        attitude = [0.0, -np.sin(0.5 * state[0]), 0.0, np.cos(0.5 * state[0])]
+        return np.array([[*(0.5 * down), *attitude], [*down, *attitude]])

@@ -10,9 +10,17 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from skydiver_utc import Model, Plant, SlotSettings, kernel, quantity, runge_kutta
+from skydiver_utc import Model, Plant, Shape, SlotSettings, kernel, quantity, runge_kutta
 
 GRAVITY, RATE = 9.81, 3.0
+# For displays: half axes and centre [m].
+PARTS = (
+    ("hull", (0.12, 0.08, 0.04), (0.0, 0.0, 0.0)),
+    ("front_rotor", (0.09, 0.09, 0.01), (0.2, 0.0, 0.04)),
+    ("back_rotor", (0.09, 0.09, 0.01), (-0.2, 0.0, 0.04)),
+    ("left_rotor", (0.09, 0.09, 0.01), (0.0, 0.2, 0.04)),
+    ("right_rotor", (0.09, 0.09, 0.01), (0.0, -0.2, 0.04)),
+)
 
 
 class Numbers(NamedTuple):
@@ -92,6 +100,7 @@ class Quadrotor(Plant):
         self.minimum, self.rate = np.append(0.0, -self.maximum[1:]), np.full(4, np.inf)
         numbers = Numbers(settings.mass_kg, np.array(settings.inertia_kg_m2), dt_s)
         self.model = Model(step, outputs, numbers, state_size=13)
+        self.shapes = tuple(Shape(name, np.array(size)) for name, size, _ in PARTS)
 
     def initial_state(self) -> np.ndarray:
         """Level and at rest at the origin."""
@@ -100,3 +109,8 @@ class Quadrotor(Plant):
     def initial_control(self) -> np.ndarray:
         """The thrust of hovering."""
         return np.array([GRAVITY * self.model.parameters.mass, 0.0, 0.0, 0.0])
+
+    def shape_poses(self, state, applied):
+        """Each part moves with the body."""
+        places = [np.array(turned(state, *place)) for *_, place in PARTS]
+        return np.array([[*(state[:3] + place), *state[3:7]] for place in places])

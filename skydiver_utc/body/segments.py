@@ -108,6 +108,17 @@ def build_body(subject: Subject) -> Body:
     )
 
 
+def ellipsoids(body: Body) -> Array:
+    """Half axes (16, 3) [m] of the solid ellipsoids with the segments' masses and moments of inertia.
+
+    A solid ellipsoid has I_x = m (b^2 + c^2) / 5.
+    """
+    half_axes: Array = np.sqrt(
+        2.5 * (body.inertia.sum(axis=1, keepdims=True) - 2.0 * body.inertia) / body.mass[:, None]
+    )
+    return half_axes
+
+
 def _check_kinds(given: Mapping[str, object], what: str, name: str) -> None:
     wrong = set(KINDS) ^ set(given)
     if wrong:

@@ -75,6 +75,13 @@ class Reduced(NamedTuple):
     expand: Callable[[Array], Array]
 
 
+class Shape(NamedTuple):
+    """An ellipsoid that a display draws for a part of a plant: its half axes (3,) [m] along the part's x, y, z."""
+
+    name: str
+    half_axes: Array
+
+
 class Plant(ABC):
     """A plant in discrete time; made as `Class(settings, dt_s)`. It keeps no state of its own.
 
@@ -95,6 +102,8 @@ class Plant(ABC):
     dt_s: float
     # Joints that a display shows, and their angles [rad] at what the actuators hold.
     joint_names: tuple[str, ...] = ()
+    # Of S parts that a display draws; none where there is nothing to see.
+    shapes: tuple[Shape, ...] = ()
 
     @cached_property
     def bound_model(self) -> BoundModel:
@@ -159,6 +168,10 @@ class Plant(ABC):
     def joint_angles(self, applied: Array) -> Array:
         """Angles of the joints by `joint_names` [rad]."""
         return np.empty(0)
+
+    def shape_poses(self, state: Array, applied: Array) -> Array:
+        """Centre [m] and attitude x y z w (S, 7) of each of the `shapes` in the world."""
+        return np.empty((0, 7))
 
     def fault(self, state: Array) -> str:
         """Why the run cannot go on from a state, empty where it can."""

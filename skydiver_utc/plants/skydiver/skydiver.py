@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.body.movement import check_movement, movement
-from skydiver_utc.body.posture import joint_angle_names
+from skydiver_utc.body.posture import configuration, joint_angle_names
+from skydiver_utc.body.segments import SEGMENTS, build_body, ellipsoids
 from skydiver_utc.parameters import SkydiverSettings
 from skydiver_utc.parameters.skydiver import CONTROLS
-from skydiver_utc.plants.protocol import Model, Plant, Reduced
+from skydiver_utc.plants.protocol import Model, Plant, Reduced, Shape
 from skydiver_utc.plants.skydiver.dynamics import STATE_SIZE
 from skydiver_utc.plants.skydiver.longest_step import fastest_damping
 from skydiver_utc.plants.skydiver.model import PlantModel, build_model
@@ -56,6 +57,9 @@ class SkydiverPlant(Plant):
         self.minimum, self.maximum = self.constants.control_min, self.constants.control_max
         self.rate = np.array([np.inf, np.inf, np.inf, settings.limits.alpha_rate])
         self.joint_names = joint_angle_names()
+        self._body = build_body(settings.subject)
+        sizes = ellipsoids(self._body)
+        self.shapes = tuple(Shape(segment.name, size) for segment, size in zip(SEGMENTS, sizes, strict=True))
         self._initial = settings.initial
         self.initial_speed = settings.initial.fall_speed_m_s
         self._belly_to_earth = settings.belly_to_earth
@@ -128,6 +132,15 @@ class SkydiverPlant(Plant):
     def joint_angles(self, applied: Array) -> Array:
         """Joint angles (45,) in rad, in the order of `joint_names`."""
         return self._movement.angles(float(applied[3])).ravel()
+
+    def shape_poses(self, state: Array, applied: Array) -> Array:
+        """Centre of mass [m] and attitude x y z w (16, 7) of each segment in the world."""
+        from scipy.spatial.transform import Rotation
+
+        placed = configuration(self._body, self._movement.angles(float(applied[3])))
+        attitude = Rotation.from_quat(state[3:7])
+        turned = attitude * Rotation.from_matrix(placed.rotation)
+        return np.hstack([state[:3] + attitude.apply(placed.centre), turned.as_quat()])
 
     def fault(self, state: Array) -> str:
         """Empty while speed and body rate are those of a falling body."""
