@@ -59,6 +59,7 @@ setup(
             "mcap-ros2-support>=0.5",
             "nbclient>=0.10",
             "pin>=3.0",
+            "playwright>=1.49",
             "pytest>=9",
             "pytest-xdist>=3.4",
             "yeadon>=2.0.1",
