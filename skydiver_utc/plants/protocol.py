@@ -173,6 +173,10 @@ class Plant(ABC):
         """Centre [m] and attitude x y z w (S, 7) of each of the `shapes` in the world."""
         return np.empty((0, 7))
 
+    def shape_forces(self, state: Array, applied: Array) -> Array:
+        """Force [N] on each of the `shapes` in the world (S, 3); none (0, 3) where a display has none to draw."""
+        return np.empty((0, 3))
+
     def fault(self, state: Array) -> str:
         """Why the run cannot go on from a state, empty where it can."""
         return "" if np.isfinite(state).all() else "the state is not finite"

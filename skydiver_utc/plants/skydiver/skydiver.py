@@ -19,6 +19,7 @@ from skydiver_utc.plants.skydiver.longest_step import fastest_damping
 from skydiver_utc.plants.skydiver.model import PlantModel, build_model
 from skydiver_utc.plants.skydiver.prediction import named_outputs, skydiver_step
 from skydiver_utc.plants.skydiver.reduced import belly_to_earth, expanded, reduced
+from skydiver_utc.plants.skydiver.segment_forces import segment_forces
 from skydiver_utc.plants.skydiver.table_error import refuse_coarse_table
 from skydiver_utc.rotations import dorsal_axis_height, world_up
 
@@ -141,6 +142,14 @@ class SkydiverPlant(Plant):
         attitude = Rotation.from_quat(state[3:7])
         turned = attitude * Rotation.from_matrix(placed.rotation)
         return np.hstack([state[:3] + attitude.apply(placed.centre), turned.as_quat()])
+
+    def shape_forces(self, state: Array, applied: Array) -> Array:
+        """Force of the air on each segment [N] in the world (16, 3)."""
+        from scipy.spatial.transform import Rotation
+
+        forces = segment_forces(self.constants, state, applied)
+        found: Array = Rotation.from_quat(state[3:7]).apply(forces)
+        return found
 
     def fault(self, state: Array) -> str:
         """Empty while speed and body rate are those of a falling body."""
