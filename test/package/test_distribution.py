@@ -88,7 +88,7 @@ def test_setup_declares_every_library_that_is_imported(setup_arguments: dict[str
 
 
 # Libraries for which rosdep has no key.
-WITHOUT_KEY = {"cmaes", "daqp", "lz4", "mcap", "zstandard"}
+WITHOUT_KEY = {"cmaes", "daqp", "lz4", "mcap", "viser", "zstandard"}
 KEYS = {"pyyaml": "python3-yaml", "rosbags": "python3-rosbags-pip"}
 
 

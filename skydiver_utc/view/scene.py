@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The shapes of a plant in a viser scene."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.plants.protocol import Plant
+
+if TYPE_CHECKING:  # it is imported only where a body is shown
+    from viser import SceneApi
+
+Floats = NDArray[np.float64]
+Colour = tuple[int, int, int]
+
+# Okabe and Ito's: told apart with every common colour vision. Left and right show which way a body turns.
+LEFT, RIGHT, MIDDLE = (0, 114, 178), (230, 159, 0), (150, 158, 166)
+_POINTS = 24  # of the unit sphere around its equator
+
+
+def light(scene: "SceneApi") -> None:
+    """Light a scene from all sides, brighter from above."""
+    scene.configure_environment_map(None)  # without a graphics card it leaves everything white
+    scene.configure_default_lights(cast_shadow=False)
+    scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(200, 200, 210), intensity=2.0)
+
+
+class PlantShapes:
+    """Ellipsoids in a scene, one for each shape of a plant, drawn with one mesh; `show` moves them.
+
+    name: of the node in the scene, beginning with a slash; colour: of all, else left, right and middle apart;
+    opacity: below 1 what lies behind is seen through
+    """
+
+    def __init__(
+        self, scene: "SceneApi", plant: Plant, name: str, colour: Colour | None = None, opacity: float = 1.0
+    ) -> None:
+        vertices, faces = _sphere()
+        count = len(plant.shapes)
+        self._mesh = scene.add_batched_meshes_simple(
+            name,
+            vertices,
+            faces,
+            np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+            np.zeros((count, 3)),
+            batched_scales=np.array([shape.half_axes for shape in plant.shapes]),
+            batched_colors=_linear([colour or colour_of(shape.name) for shape in plant.shapes]),
+            opacity=None if opacity == 1.0 else opacity,
+            lod="off",
+        )
+
+    def show(self, poses: Floats, origin: Floats | tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
+        """Draw the shapes at poses (S, 7) of the world, as `Plant.shape_poses` gives them, seen from an origin (3,)."""
+        self._mesh.batched_positions = (poses[:, :3] - origin).astype(np.float32)
+        self._mesh.batched_wxyzs = poses[:, [6, 3, 4, 5]].astype(np.float32)
+
+
+def colour_of(name: str) -> Colour:
+    """The colour of a shape by its name."""
+    return {"left": LEFT, "right": RIGHT}.get(name.partition("_")[0], MIDDLE)
+
+
+def _linear(colours: Sequence[Colour]) -> NDArray[np.uint8]:
+    """The colours (S, 3) as light: a batch of meshes, other than a single one, shows them that way."""
+    return np.rint(255.0 * (np.array(colours) / 255.0) ** 2.2).astype(np.uint8)
+
+
+def _sphere() -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """Vertices (V, 3) and triangles (F, 3) of a unit sphere, by latitude and longitude."""
+    rows = _POINTS // 2 + 1
+    latitude = np.linspace(0.0, np.pi, rows)[:, np.newaxis]
+    longitude = np.linspace(0.0, 2.0 * np.pi, _POINTS, endpoint=False)
+    axes = (
+        np.sin(latitude) * np.cos(longitude),
+        np.sin(latitude) * np.sin(longitude),
+        np.cos(latitude) + 0 * longitude,
+    )
+    here = np.arange((rows - 1) * _POINTS).reshape(-1, _POINTS)
+    beside = np.roll(here, -1, axis=1)
+    below, across = here + _POINTS, beside + _POINTS
+    faces = [np.stack(corners, axis=-1) for corners in ((here, below, across), (here, across, beside))]
+    return np.stack(axes, axis=-1).reshape(-1, 3).astype(np.float32), np.reshape(faces, (-1, 3)).astype(
+        np.uint32
+    )
