@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.recorded_run import RecordedRun
 from skydiver_utc.loop.decisions import Decider, Stretch, decide_at
-from skydiver_utc.loop.registry import build_controller, build_estimator, build_plant
+from skydiver_utc.loop.registry import (
+    build_controller,
+    build_disturbances,
+    build_estimator,
+    build_plant,
+    model_beside,
+)
 from skydiver_utc.loop.run import ParameterChange, Run
 from skydiver_utc.parameters import Scenario, override
 
@@ -76,7 +82,7 @@ def check(recording: RecordedRun, instead: Callable[[Scenario], Scenario] = lamb
     stretches = _stretches(recording, run, instead)
     ahead = max(stretch.decider.controller.preview_steps for stretch in stretches)
     reference, added = _reference(recording, run, ahead)
-    commands = decide_at(stretches, run.states, run.applied, reference)
+    commands = decide_at(stretches, run.states, len(run.plant.control_names), reference)
     return Check(run, commands, added, recording.in_real_time, recording.reference_revised, hole_at_step)
 
 
@@ -100,12 +106,16 @@ def _restarts(run: Run) -> list[ParameterChange]:
 
 def _stretches(recording: RecordedRun, run: Run, instead: Callable[[Scenario], Scenario]) -> list[Stretch]:
     """The controllers of the run, from the first row of each on."""
+    model = model_beside(recording.plant, run.scenario)
 
     def stretch(row: int, scenario: Scenario, delay_steps: int, control: Floats | None) -> Stretch:
         # The controller may predict with another plant than the recorded one.
-        plant = recording.plant if scenario.plant == run.scenario.plant else build_plant(scenario)
+        plant = model if scenario.plant == run.scenario.plant else build_plant(scenario)
         controller = build_controller(scenario, plant, recording.reference, delay_steps)
-        return Stretch(row, Decider(controller, build_estimator(scenario, plant)), control)
+        disturbances = build_disturbances(run.scenario, plant)
+        return Stretch(
+            row, Decider(controller, build_estimator(scenario, plant), plant, disturbances), control
+        )
 
     begins = {}
     if run.first_step == 0:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows, stretches
 from skydiver_utc.loop.outcome import REACHED_THE_END, Outcome
-from skydiver_utc.loop.registry import build_plant, build_reference
+from skydiver_utc.loop.registry import build_reference, build_true_plant
 from skydiver_utc.loop.run import ParameterChange, Run
 from skydiver_utc.messages import (
     MessageError,
@@ -58,7 +58,7 @@ class RecordedRun:
         topics: Topics = read_bag(path)
         self._namespace = namespace_of(topics)
         self.scenario, self.run_id, unusable = self._read_scenario(topics)
-        self.plant, self.reference = build_plant(self.scenario), build_reference(self.scenario)
+        self.plant, self.reference = build_true_plant(self.scenario), build_reference(self.scenario)
         self._steps = RecordedSteps(self.scenario, topics, self._namespace)
         if unusable:
             self._steps.ignored["scenario"] = unusable

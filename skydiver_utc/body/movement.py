@@ -32,18 +32,21 @@ class Movement(Protocol):
         ...
 
 
-def movement(posture: Posture, pattern: MovementPattern | PosturePath) -> Movement:
-    """The body's motion over alpha: along a direction from the posture, or through the postures of a path."""
+def movement(posture: Posture, pattern: MovementPattern | PosturePath, ratio: float = 1.0) -> Movement:
+    """The body's motion over alpha: along a direction from the posture, or through the postures of a path.
+
+    `ratio` multiplies the distance of all joint angles from those of the posture.
+    """
     if isinstance(pattern, PosturePath):
-        return _Path(pattern)
-    return _Straight(posture, pattern)
+        return _Path(posture, pattern, ratio)
+    return _Straight(posture, pattern, ratio)
 
 
 class _Straight:
     """neutral + alpha * direction."""
 
-    def __init__(self, posture: Posture, pattern: MovementPattern) -> None:
-        self._neutral, self._direction = posture_angles(posture), pattern_direction(pattern)
+    def __init__(self, posture: Posture, pattern: MovementPattern, ratio: float) -> None:
+        self._neutral, self._direction = posture_angles(posture), ratio * pattern_direction(pattern)
 
     def angles(self, alpha: float) -> Array:
         return self._neutral + alpha * self._direction
@@ -58,10 +61,11 @@ class _Straight:
 class _Path:
     """Piecewise cubics through the postures: angles stay between their two neighbours, slopes are continuous."""
 
-    def __init__(self, path: PosturePath) -> None:
+    def __init__(self, posture: Posture, path: PosturePath, ratio: float) -> None:
         from scipy.interpolate import PchipInterpolator
 
         rows = np.array([posture_angles(keyframe.posture) for keyframe in path.keyframes])
+        rows += (ratio - 1.0) * (rows - posture_angles(posture))
         self._angles = PchipInterpolator([keyframe.alpha for keyframe in path.keyframes], rows)
         self._slope = self._angles.derivative()
 

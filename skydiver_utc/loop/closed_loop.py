@@ -9,7 +9,7 @@ import numpy as np
 from skydiver_utc.controllers.protocol import Controller
 from skydiver_utc.loop.decisions import Decider
 from skydiver_utc.loop.plant_steps import PlantSteps
-from skydiver_utc.loop.registry import build_controller, build_estimator, build_reference
+from skydiver_utc.loop.registry import build_controller, build_estimator, build_reference, model_beside
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plants.protocol import Plant
@@ -27,8 +27,9 @@ def simulate(
     """
     plant_steps, reference = PlantSteps(scenario), build_reference(scenario)
     plant = plant_steps.plant
-    controller, estimator = build(scenario, plant, reference), build_estimator(scenario, plant)
-    decider = Decider(controller, estimator, plant_steps.disturbances)
+    model = model_beside(plant, scenario)
+    controller, estimator = build(scenario, model, reference), build_estimator(scenario, model)
+    decider = Decider(controller, estimator, model, plant_steps.disturbances)
     steps, m, width = scenario.steps, len(plant.control_names), controller.preview_steps + 1
     profile = np.ascontiguousarray(reference.preview(0, steps + width), dtype=float)
     states = np.empty((steps + 1, len(plant_steps.state)))
@@ -49,7 +50,7 @@ def simulate(
         commands[k], telemetry[k], status[k] = decision.control, decision.telemetry, decision.status
         goes_on = plant_steps.step(decision.control)
         applied[k] = plant_steps.control
-        decider.predict(plant_steps.applied)
+        decider.predict()
         states[k + 1] = plant_steps.state
         if not goes_on:
             flown = k + 1

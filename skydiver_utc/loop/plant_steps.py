@@ -1,26 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plant's side of the closed loop: one step for each command, in process and in the plant node."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.loop.outcome import Outcome, OutcomeMonitor
-from skydiver_utc.loop.registry import build_disturbances, build_plant
+from skydiver_utc.loop.registry import build_disturbances, build_true_plant
 from skydiver_utc.parameters import Scenario
 
 Array = NDArray[np.float64]
 
 
 class PlantSteps:
-    """The plant of a run and its disturbances: at step `k` its `state` (n,), before it `applied` (a,).
+    """The true plant of a run and its disturbances: at step `k` its `state` (n,), before it `applied` (a,).
 
     `k` is -1 before the run; the run is over after the last step, or when the plant has a fault.
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self.plant = build_plant(scenario)
+        self.plant = build_true_plant(scenario)
         self.disturbances = build_disturbances(scenario, self.plant)
         self._scenario = scenario
+        lag_s = scenario.truth.actuator_lag_s
+        # Of the way to a held command in one step: the exact solution.
+        self._share = -math.expm1(-scenario.dt_s / lag_s) if lag_s else 1.0
         self.reset()
         # Compiled before the run.
         command = self.applied[: len(self.plant.control_names)]
@@ -31,6 +36,7 @@ class PlantSteps:
         self.k = -1
         self.state = np.array(self.plant.initial_state(), dtype=float)
         self.applied = np.array(self.plant.initial_applied(), dtype=float)
+        self._lagged = self.control
         self._monitor = OutcomeMonitor(self._scenario, self.plant)
 
     def begin(self) -> bool:
@@ -40,6 +46,9 @@ class PlantSteps:
 
     def step(self, command: Array) -> bool:
         """One step under a command (m,); False when the run is over."""
+        if self._share < 1.0:
+            bounded = np.minimum(np.maximum(command, self.plant.minimum), self.plant.maximum)
+            command = self._lagged = self._lagged + self._share * (bounded - self._lagged)
         before, self.applied = self.applied, self.plant.actuate(command, self.applied)
         state = self.plant.step(self.state, before, self.applied)
         self.k += 1

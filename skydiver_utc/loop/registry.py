@@ -14,9 +14,26 @@ from skydiver_utc.references.protocol import Reference
 
 
 def build_plant(scenario: Scenario) -> Plant:
-    """The plant of a scenario. Raises `ParameterError`, like all of these functions."""
+    """The plant with which controller and estimator predict. Raises `ParameterError`, like all of these functions."""
     plant: Plant = _build("plant", scenario.plant, scenario.dt_s)
     return plant
+
+
+def build_true_plant(scenario: Scenario) -> Plant:
+    """The plant of the run."""
+    plant: Plant = _build("plant", scenario.true_plant, scenario.dt_s)
+    return plant
+
+
+def model_beside(true_plant: Plant, scenario: Scenario) -> Plant:
+    """The same as `build_plant`; the true plant itself where the scenario's `truth` changes nothing of it."""
+    if not scenario.truth.model_extra:
+        return true_plant
+    model = build_plant(scenario)
+    for names in ("state_names", "control_names", "output_names"):
+        if getattr(model, names) != getattr(true_plant, names):
+            raise ParameterError(f"truth changes the {names.replace('_', ' ')} of the plant: keep them")
+    return model
 
 
 def build_reference(scenario: Scenario) -> Reference:

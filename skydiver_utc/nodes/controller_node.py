@@ -82,7 +82,7 @@ class ControllerNode(ScenarioNode):
         self._out = ControllerTopics(self, self._plant.control_names)
         disturbances = () if self._vehicle else build_disturbances(self.scenario, self._plant)
         estimator = build_estimator(self.scenario, self._plant)
-        self._decider = Decider(self._build(self.scenario), estimator, disturbances)
+        self._decider = Decider(self._build(self.scenario), estimator, self._plant, disturbances)
         self._use(self._decider.controller)
         self.subscribe(topics.REFERENCE_PREVIEW, self.on_preview)
         self.subscribe(topics.SCENARIO, self.on_scenario)
@@ -220,9 +220,6 @@ class ControllerNode(ScenarioNode):
         self._is_first, self._began_from = True, control
         self._applied = None
         self._decider.begin(control)
-        self._held = self._plant.initial_applied()
-        if control is not None:
-            self._held[: len(control)] = control
 
     def _can_answer(self) -> bool:
         return self._previewed >= self._needs and not self.unmatched() and not self.is_new
@@ -266,8 +263,7 @@ class ControllerNode(ScenarioNode):
         self.answered, self._status = k, decision.status
         self._slowest_s = max(self._slowest_s, self._decider.solve_time_s)
         self._out.publish_telemetry(stamp, decision, self._decider.solve_time_s)
-        self._held = self._plant.actuate(self._command, self._held)
-        self._decider.predict(self._held)
+        self._decider.predict()
 
     def _waits_for_applied(self, k: int) -> bool:
         """True where this controller starts during a run and an applied command is published but not received yet."""

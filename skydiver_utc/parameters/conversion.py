@@ -11,7 +11,7 @@ from pydantic_core import ErrorDetails
 
 from skydiver_utc.parameters.errors import MissingModuleError, ParameterError
 from skydiver_utc.parameters.registry import settings_class
-from skydiver_utc.parameters.scenario import SLOTS, Scenario
+from skydiver_utc.parameters.scenario import SLOTS, Scenario, laid_over
 
 _DEFAULTS: Mapping[str, Any] = {"estimator": {"kind": "true_state"}, "disturbances": []}
 _MOST_SHOWN = 10
@@ -53,6 +53,8 @@ def convert(content: Mapping[str, Any], origin: str, found: Iterable[str] = ()) 
     for name in SLOTS:
         if name in blocks:
             blocks[name] = slot_settings(name, name, blocks[name], errors)
+    if blocks.get("plant") is not None and isinstance(truth := blocks.get("truth"), Mapping):
+        slot_settings("plant", "truth", laid_over(content["plant"], truth), errors)
     if isinstance(blocks["disturbances"], list | tuple):
         found = [
             slot_settings("disturbance", f"disturbances[{i}]", block, errors)

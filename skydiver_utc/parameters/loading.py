@@ -10,6 +10,7 @@ from typing import Any
 
 from skydiver_utc.parameters.conversion import Unresolved, convert
 from skydiver_utc.parameters.errors import ParameterError
+from skydiver_utc.parameters.merging import merged
 from skydiver_utc.parameters.registry import search_modules_in
 from skydiver_utc.parameters.scenario import Scenario
 from skydiver_utc.parameters.yaml_io import (
@@ -32,6 +33,7 @@ _NAMED = {
 }
 _ENDINGS = (".yaml", ".yml")
 _SLOTS_WITH_DEFAULTS = ("plant", "controller")
+_OF_A_PLANT = ("plant", "truth")
 
 
 Chain = tuple[Path, ...]  # of files, each named by the one before
@@ -77,7 +79,7 @@ def load_scenario(name_or_path: str, overrides: Mapping[str, object] | None = No
         plant = content.get("plant")
         if isinstance(plant, dict) and isinstance(plant.get("subject"), dict):
             raise ParameterError(f"{name_or_path} has its skydiver written out: change the fields of plant")
-        content = _merge(content, {"plant": {"skydiver": skydiver}})
+        content = merged(content, {"plant": {"skydiver": skydiver}})
     return _overridden(content, changes, origin=name_or_path)
 
 
@@ -125,7 +127,7 @@ def _read_extended(path: Path, seen: Chain = ()) -> dict[str, Any]:
         raise ParameterError(
             f"{path} extends {parent!r}, which is neither beside it nor comes with the package"
         )
-    return _merge(_read_extended(parent_path, seen), content)
+    return merged(_read_extended(parent_path, seen), content)
 
 
 def _longer(seen: Chain, path: Path) -> Chain:
@@ -146,8 +148,8 @@ def _is_file(path: Path) -> bool:
 
 
 def _with_absolute_paths(content: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The plant's paths to files, which count from this folder, made absolute."""
-    return {**content, "plant": _absolute(content["plant"], folder)} if "plant" in content else content
+    """The paths to files of a plant, which count from this folder, made absolute."""
+    return content | {name: _absolute(content[name], folder) for name in _OF_A_PLANT if name in content}
 
 
 def _absolute(value: Any, folder: Path, field: str = "") -> Any:
@@ -183,26 +185,13 @@ def _read_table(block: Any, beside: Path) -> Any:
     return {name: value for name, value in block.items() if name != "file"} | {"table": table}
 
 
-def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    """Fields of `over` laid over those of `base`, block by block."""
-    merged = dict(base)
-    for key, value in over.items():
-        old = merged.get(key)
-        if isinstance(old, dict) and isinstance(value, dict):
-            # A block of another kind (a sine for a constant) or with a name (a posture) replaces the old one whole.
-            whole = "name" in value or value.get("kind", old.get("kind")) != old.get("kind")
-            merged[key] = value if whole else _merge(old, value)
-        else:
-            merged[key] = value
-    return merged
-
-
 def _resolve_plant(content: dict[str, Any]) -> dict[str, Any]:
     """The content with the files that a plant of this package names read in; a plant of the user's own has none."""
     plant = content.get("plant")
     if not isinstance(plant, dict) or ":" in str(plant.get("kind")):
         return content
-    return {**content, "plant": _resolve_names(plant)}
+    blocks = {name: content[name] for name in _OF_A_PLANT if isinstance(content.get(name), dict)}
+    return content | {name: _resolve_names(block) for name, block in blocks.items()}
 
 
 def _resolve_names(content: dict[str, Any], beside: Path = Path(), seen: Chain = ()) -> dict[str, Any]:
@@ -273,7 +262,7 @@ def _over_defaults(content: dict[str, Any]) -> dict[str, Any]:
             skydiver = defaults.pop("skydiver", {})
             if isinstance(own.get("skydiver"), dict):
                 skydiver = own.pop("skydiver")
-            content = {**content, slot: _merge(_merge(defaults, skydiver), own)}
+            content = {**content, slot: merged(merged(defaults, skydiver), own)}
     return content
 
 

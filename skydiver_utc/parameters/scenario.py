@@ -2,16 +2,39 @@
 """One scenario: everything a run needs."""
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import SerializeAsAny, model_validator
+from pydantic import ConfigDict, SerializeAsAny, model_validator
 from typing_extensions import Self
 
 from skydiver_utc.parameters.fields import Parameters, SlotSettings, quantity, text
+from skydiver_utc.parameters.merging import merged
 from skydiver_utc.parameters.nanoseconds import NANOSECONDS
+from skydiver_utc.parameters.registry import settings_class
 
 # The slots that have one block each in a scenario.
 SLOTS = ("plant", "reference", "controller", "estimator")
+
+
+class Truth(Parameters):
+    """The plant of the run where it is not the plant with which controller and estimator predict.
+
+    Beside the fields below any setting of the plant's block, with another value.
+    """
+
+    model_config = ConfigDict(extra="allow")
+
+    actuator_lag_s: Annotated[
+        float, quantity("s", "time constant of a first-order lag between command and limits", ge=0, le=10)
+    ] = 0.0
+
+
+def laid_over(plant: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, Any]:
+    """The block of the plant of the run, plain data; a truth of another kind stands for itself."""
+    changes = {field: value for field, value in truth.items() if field not in Truth.model_fields}
+    block: dict[str, Any] = merged({"plant": plant}, {"plant": changes})["plant"]
+    return block
 
 
 class Scenario(Parameters):
@@ -35,6 +58,9 @@ class Scenario(Parameters):
     controller: Annotated[Any, text("the controller")]
     estimator: Annotated[Any, text("where the controller's state comes from")]
     disturbances: Annotated[tuple[SerializeAsAny[SlotSettings], ...], text("what disturbs the plant")] = ()
+    truth: Annotated[Truth, text("the plant of the run where it is not that of the controller's model")] = (
+        Truth()
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -48,6 +74,14 @@ class Scenario(Parameters):
         if self.duration_s < self.dt_s:
             raise ValueError(f"duration_s ({self.duration_s}) must be at least one dt_s ({self.dt_s})")
         return self
+
+    @property
+    def true_plant(self) -> Any:
+        """Settings of the plant of the run: those of `plant` with the values of `truth` laid over them."""
+        if not self.truth.model_extra:
+            return self.plant
+        content = laid_over(self.plant.as_dict(), self.truth.as_dict())
+        return settings_class("plant", content["kind"]).model_validate(content)
 
     @property
     def dt_ns(self) -> int:

@@ -10,6 +10,7 @@ from skydiver_utc.parameters.body import Pattern, PatternAngle, Posture, Subject
 from skydiver_utc.parameters.fields import Parameters, SlotSettings, quantity, text
 
 DampingLimit = Annotated[float, quantity("1", "limit of the yaw damping coefficient", ge=0, le=50)]
+Ratio = Annotated[float, quantity("1", "factor on what the other settings give", ge=0.2, le=5)]
 HandLimit = Annotated[float, quantity("1", "limit of a hand coefficient", ge=-50, le=50)]
 
 
@@ -81,6 +82,20 @@ class Limbs(Parameters):
     ]
 
 
+class Ratios(Parameters):
+    """Factors on numbers of the body that follow from many settings, 1 without; for a plant unlike its model."""
+
+    mass: Ratio = 1.0
+    inertia: Ratio = 1.0
+    drag_area: Ratio = 1.0
+    roll_damping: Ratio = 1.0
+    pitch_damping: Ratio = 1.0
+    yaw_damping: Ratio = 1.0
+    pattern: Annotated[
+        float, quantity("1", "factor on the joint angles that the pattern angle moves", ge=0.2, le=2)
+    ] = 1.0
+
+
 class InitialCondition(Parameters):
     """Where the flight starts: attitude, speed and the control then applied."""
 
@@ -89,7 +104,9 @@ class InitialCondition(Parameters):
     bank_deg: Annotated[float, quantity("deg", "roll about the body's x axis", ge=-180, le=180)] = 0.0
     pitch_deg: Annotated[float, quantity("deg", "rotation about the body's y axis", ge=-90, le=90)] = 0.0
     heading_deg: Annotated[float, quantity("deg", "heading of the head from east", ge=-360, le=360)] = 0.0
-    yaw_rate_deg_s: Annotated[float, quantity("deg/s", "yaw rate", ge=-1000, le=1000)] = 0.0
+    roll_rate_deg_s: Annotated[float, quantity("deg/s", "body rate about x", ge=-1000, le=1000)] = 0.0
+    pitch_rate_deg_s: Annotated[float, quantity("deg/s", "body rate about y", ge=-1000, le=1000)] = 0.0
+    yaw_rate_deg_s: Annotated[float, quantity("deg/s", "body rate about z", ge=-1000, le=1000)] = 0.0
     Cm_damp_yaw: Annotated[float, quantity("1", "initial yaw damping coefficient", ge=0, le=50)] = 0.5
     k_right: Annotated[float, quantity("1", "initial right hand coefficient", ge=0, le=50)] = 0.0
     k_left: Annotated[float, quantity("1", "initial left hand coefficient", ge=0, le=50)] = 0.0
@@ -108,6 +125,7 @@ class SkydiverSettings(SlotSettings):
     hands: Hands
     limits: Limits
     limbs: Limbs
+    ratios: Ratios = Ratios()
     pattern_nodes: Annotated[int, quantity("1", "nodes of the posture table over alpha", ge=9, le=1025)] = 65
     initial: InitialCondition
     subject: Subject

@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 
 from skydiver_utc.body.posture import configuration, posture_angles, refuse_beyond
-from skydiver_utc.body.segments import build_body
 from skydiver_utc.parameters import ParameterError, PosturePath, Scenario
 from skydiver_utc.plants.skydiver.linearise import linearise
-from skydiver_utc.plants.skydiver.model import PlantModel, build_model
+from skydiver_utc.plants.skydiver.model import PlantModel, build_model, dressed_body
 from skydiver_utc.plants.skydiver.modes import Mode, modes
 from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall, straight_falls
 from skydiver_utc.plants.skydiver.yaw import steady_yaw_rates, yaw_acceleration
@@ -23,7 +22,7 @@ def fall_report(scenario: Scenario) -> dict[str, Any]:
     """The straight fall of a scenario's posture and subject, plain data."""
     _check(scenario)
     plant = scenario.plant
-    body, model = build_body(plant.subject), build_model(plant, scenario.dt_s)
+    body, model = dressed_body(plant), build_model(plant, scenario.dt_s)
     placed = configuration(body, posture_angles(plant.posture))
     try:
         fall, *others = straight_falls(model)
@@ -35,7 +34,7 @@ def fall_report(scenario: Scenario) -> dict[str, Any]:
         "subject": plant.subject.name,
         "scenario": scenario.name,
         "air_density_kg_m3": plant.air.density_kg_m3,
-        "mass_kg": body.total_mass,
+        "mass_kg": model.mass,
         "centre_of_mass_m": placed.centre_of_mass.tolist(),
         "inertia_kg_m2": placed.inertia.tolist(),
         "joint_angles_deg": {joint: list(row) for joint, row in plant.posture.joint_angles_deg.items()},

@@ -61,20 +61,22 @@ def build_model(settings: SkydiverSettings, dt_s: float, moves: Movement | None 
 
     `moves` is the movement of the settings, if there is one already.
     """
-    body = build_body(settings.subject)
+    body, ratios = dressed_body(settings), settings.ratios
     alphas = np.linspace(*settings.limits.alpha, settings.pattern_nodes)
-    moves = moves or movement(settings.posture, settings.pattern)
+    moves = moves or movement(settings.posture, settings.pattern, ratios.pattern)
     rows = [posture_row(body, moves, alpha) for alpha in alphas]
     return PlantModel(
         geometry=np.array(rows),
         alpha_first=float(alphas[0]),
         nodes_per_rad=(settings.pattern_nodes - 1) / float(alphas[-1] - alphas[0]),
-        mass=body.total_mass,
+        mass=ratios.mass / ratios.inertia * body.total_mass,
         gravity=GRAVITY_M_S2,
         half_density=0.5 * settings.air.density_kg_m3,
-        damping_roll=settings.damping.Cm_damp_roll,
-        damping_pitch=settings.damping.Cm_damp_pitch,
-        damping_volume=0.5 * settings.damping.reference_area_m2 * settings.damping.reference_length_m**2,
+        # The yaw coefficient is a control: its ratio is that of the volume, which the other two do not have.
+        damping_roll=settings.damping.Cm_damp_roll * (ratios.roll_damping / ratios.yaw_damping),
+        damping_pitch=settings.damping.Cm_damp_pitch * (ratios.pitch_damping / ratios.yaw_damping),
+        damping_volume=ratios.yaw_damping
+        * (0.5 * settings.damping.reference_area_m2 * settings.damping.reference_length_m**2),
         hand_force=settings.hands.K_N if settings.hands.force == "dorsal" else -settings.hands.K_N,
         hand_arm=settings.hands.lx_m,
         control_min=np.array(settings.limits.minimum),
@@ -84,6 +86,16 @@ def build_model(settings: SkydiverSettings, dt_s: float, moves: Movement | None 
         limb_reaction=settings.limbs.reaction,
         dt=dt_s,
         work=np.empty(WORK_SIZE),
+    )
+
+
+def dressed_body(settings: SkydiverSettings) -> Body:
+    """The subject's body with the ratios of inertia and drag area; its masses are those of the inertia."""
+    body, ratios = build_body(settings.subject), settings.ratios
+    return body._replace(
+        mass=ratios.inertia * body.mass,
+        inertia=ratios.inertia * body.inertia,
+        drag_area=ratios.drag_area * body.drag_area,
     )
 
 

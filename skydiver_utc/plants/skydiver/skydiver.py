@@ -50,7 +50,7 @@ class SkydiverPlant(Plant):
 
     def __init__(self, settings: SkydiverSettings, dt_s: float) -> None:
         self.dt_s = dt_s
-        self._movement = movement(settings.posture, settings.pattern)
+        self._movement = movement(settings.posture, settings.pattern, settings.ratios.pattern)
         check_movement(settings, self._movement)
         self.constants: PlantModel = build_model(settings, dt_s, self._movement)
         refuse_coarse_table(settings, self.constants, self._movement)
@@ -74,7 +74,7 @@ class SkydiverPlant(Plant):
         state[2] = initial.altitude_m
         state[3:7] = quaternion
         state[7:10] = -initial.fall_speed_m_s * world_up(state)
-        state[12] = np.deg2rad(initial.yaw_rate_deg_s)
+        state[10:13] = np.deg2rad([initial.roll_rate_deg_s, initial.pitch_rate_deg_s, initial.yaw_rate_deg_s])
         return state
 
     def initial_control(self) -> Array:

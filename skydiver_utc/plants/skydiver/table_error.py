@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.body.movement import Movement
-from skydiver_utc.body.segments import build_body
 from skydiver_utc.parameters import ParameterError, PosturePath, SkydiverSettings
 from skydiver_utc.plants.skydiver.dynamics import posture_geometry
 from skydiver_utc.plants.skydiver.model import (
@@ -16,6 +15,7 @@ from skydiver_utc.plants.skydiver.model import (
     SEGMENT_COUNT,
     SWING_AT,
     PlantModel,
+    dressed_body,
     posture_row,
 )
 
@@ -64,7 +64,7 @@ def table_error(
     settings: SkydiverSettings, model: PlantModel, moves: Movement, suspects: int | None = None
 ) -> TableError:
     """Errors of the table halfway between its nodes and at the postures of a path: everywhere, or at suspects."""
-    body = build_body(settings.subject)
+    body = dressed_body(settings)
     nodes = np.linspace(*settings.limits.alpha, len(model.geometry))
     alphas = np.concatenate([0.5 * (nodes[1:] + nodes[:-1]), _keyframes_within(settings)])
     if suspects is not None:
