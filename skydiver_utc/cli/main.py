@@ -323,15 +323,16 @@ def show(**options: Any) -> None:
 def extract(**options: Any) -> None:
     """Find the movement patterns of recorded postures by principal component analysis.
 
-    SOURCE is a run folder, a bag, an .mcap file, or a CSV file of joint angles (docs/patterns.md); angles that it
-    lacks are those of the scenario's posture. A positive pattern angle has the largest of the
-    accelerations about the mean posture positive: it turns left, lowers the head, slides left or falls slower.
+    SOURCE is a run folder, a bag, an .mcap file, or joint angles in a file of OpenSim (.mot, .sto) or CSV
+    (docs/patterns.md); angles that it lacks are those of the scenario's posture. A positive pattern angle has the
+    largest of the accelerations about the mean posture positive: it turns left, lowers the head, slides left or
+    falls slower.
     """
     _run("pattern_extract", "extract", **options)
 
 
 @pattern.command("import", short_help="Make a path of measured postures, to be flown.")
-@click.argument("source", metavar="FILE.csv", type=_PATH)
+@click.argument("source", metavar="FILE", type=_PATH)
 @click.option(
     "--out", required=True, type=_PATH, metavar="FILE.yaml",
     help="Write the path here, its first posture beside it.",
@@ -346,10 +347,10 @@ def extract(**options: Any) -> None:
 def import_(**options: Any) -> None:
     """Make a path of measured postures, to be flown open loop in the time that they were measured in.
 
-    FILE.csv holds time_s and joint angles in degrees (docs/patterns.md); a run folder or a bag will do, too. Angles
-    that it lacks are those of the scenario's posture. As
-    many postures are kept as the tolerance needs; how many, how far the path is from the others and how
-    exact the plant's table of it is, is printed with the command that flies it.
+    FILE holds joint angles, of OpenSim (.mot, .sto) or as CSV (docs/patterns.md); a run folder or a bag will do, too.
+    Angles that it lacks are those of the scenario's posture; angles a few degrees beyond the joint limits are clipped
+    and named. As many postures are kept as the tolerance needs; how many, how far the path is from the others and
+    how exact the plant's table of it is, is printed with the command that flies it.
     """
     _run("pattern_import", "import_motion", **options)
 

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 # Components that are listed together explain this share of the variance.
 _LISTED = 0.999
+# Angles that stay within this, less than any measurement resolves, are those of a body at rest.
+_MOTIONLESS_RAD = np.deg2rad(0.1)
 
 
 def extract(
@@ -43,10 +45,8 @@ def extract(
     if out is not None and mean is not None and out.resolve() == mean.resolve():
         raise CommandError(f"--out and --mean are both {out}: give each a file of its own")
     recorded = read_joint_angles(source, joint_angle_names())
-    angles = whole_postures(recorded, loaded.plant.posture)
+    angles = whole_postures(source, recorded, loaded.plant.posture)
     found = principal_components(angles)
-    if not len(found.shares):
-        raise CommandError(f"the postures in {source} do not move: give the recording of a maneuver")
     if not 1 <= component <= len(found.shares):
         raise CommandError(
             f"the postures in {source} move along {len(found.shares)} directions: choose --component from 1 to"
@@ -83,11 +83,13 @@ def extract(
         _show(rows, about)
 
 
-def whole_postures(recorded: JointAngles, posture: Posture) -> Array:
-    """All 45 joint angles (n, 45) [rad]: what was not recorded is that of the posture."""
+def whole_postures(source: Path, recorded: JointAngles, posture: Posture) -> Array:
+    """All 45 joint angles (n, 45) [rad]: what was not recorded is that of the posture; a motionless one is refused."""
     names = joint_angle_names()
-    if recorded.left_out:
-        click.echo(f"{recorded.left_out} recorded postures cannot be used and are left out", err=True)
+    if np.ptp(recorded.values, axis=0).max() < _MOTIONLESS_RAD:
+        raise CommandError(f"the postures in {source} do not move: give the recording of a maneuver")
+    if recorded.note:
+        click.echo(recorded.note, err=True)
     angles = np.tile(posture_angles(posture).ravel(), (len(recorded.time_s), 1))
     angles[:, [names.index(name) for name in recorded.names]] = recorded.values
     return angles

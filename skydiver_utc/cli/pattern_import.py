@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skydiver_utc.body.keyframes import Keyframes, thin
 from skydiver_utc.body.movement import movement
-from skydiver_utc.body.posture import joint_angle_names, joint_rows, refuse_beyond
+from skydiver_utc.body.posture import joint_angle_names, joint_ranges, joint_rows
 from skydiver_utc.body.segments import JOINTS
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.motion_command import ALPHA, command, scenario_of, settings_of, timing
@@ -36,6 +36,9 @@ Array = NDArray[np.float64]
 
 # Nodes of the plant's table over alpha: at least as dense as the postures, doubled until it is exact enough.
 _NODES = (257, 1025)
+# Angles beyond the joint limits by less are clipped. Errors of measured gait of up to 5 deg are reasonable: McGinley et
+# al., Gait & Posture 29 (2009) 360.
+_CLIPPED_DEG = 5.0
 # Postures nearer in time are a fault of the file [s].
 _SHORTEST_S = 1e-6
 _MEND = "cut it into shorter files, or allow a larger --tolerance"
@@ -57,13 +60,14 @@ def import_motion(
         raise CommandError(f"--tolerance {tolerance:g} cannot be used: give degrees above zero, as in 0.5")
     plant = load_skydiver(scenario, settings).plant
     time_s, angles = _measured(source, plant)
+    angles, clipped = _clipped(source, plant, time_s, angles)
     duration_s = float(time_s[-1]) - float(time_s[0])
     in_time = _in_time(source, plant, scenario, settings, duration_s)
     keyframes = thin(time_s, angles, float(np.deg2rad(tolerance)))
     kept = _kept(keyframes, len(time_s))
     source_line = (
-        f"{source.name} from {time_s[0]:g} to {time_s[-1]:g} s, by skydiver-utc pattern import: {kept}; angles that"
-        f" it lacks are those of posture {plant.posture.name}"
+        f"{source.name} from {time_s[0]:g} to {time_s[-1]:g} s, by skydiver-utc pattern import: {kept}; {clipped};"
+        f" angles that it lacks are those of posture {plant.posture.name}"
     )
     path = _path(name, source_line, time_s, angles, keyframes)
     first = Posture(
@@ -79,20 +83,15 @@ def import_motion(
     table = _table(source, path, lambda nodes: scenario_of(scenario, settings_with(nodes), path, first))
     write(path, out)
     write(first, start)
-    print(f"{kept}\nbetween the plant's {table.nodes} nodes its table is off by {table.error}")
+    print(f"{clipped}\n{kept}\nbetween the plant's {table.nodes} nodes its table is off by {table.error}")
     print(f"{out} holds the path, {start} its first posture; to fly it:\n")
     print(command(scenario, settings_with(table.nodes)))
 
 
 def _measured(source: Path, plant: SkydiverSettings) -> tuple[Array, Array]:
-    """Times (n,) and whole postures (n, 45) [rad] that a body can take, and that move."""
+    """Times (n,) and whole postures (n, 45) [rad]."""
     recorded = read_joint_angles(source, joint_angle_names())
-    time_s, angles = recorded.time_s, whole_postures(recorded, plant.posture)
-    for moment, row in zip(time_s, angles, strict=True):
-        what = f"{source} at {moment:g} s"
-        refuse_beyond(plant.subject.joint_limits, row.reshape(len(JOINTS), -1), what)
-    if not np.ptp(np.rad2deg(angles).round(DECIMALS), axis=0).any():
-        raise CommandError(f"the postures in {source} do not move: give the recording of a maneuver")
+    time_s, angles = recorded.time_s, whole_postures(source, recorded, plant.posture)
     for before, after in zip(time_s.tolist(), time_s[1:].tolist(), strict=False):
         if after - before < _SHORTEST_S:
             raise CommandError(
@@ -100,6 +99,26 @@ def _measured(source: Path, plant: SkydiverSettings) -> tuple[Array, Array]:
                 f" {_SHORTEST_S:g} s between them"
             )
     return time_s, angles
+
+
+def _clipped(source: Path, plant: SkydiverSettings, time_s: Array, angles: Array) -> tuple[Array, str]:
+    """The angles (n, 45) [rad] clipped to the joint limits, and in words which; one far beyond is refused."""
+    limits, names = plant.subject.joint_limits, joint_angle_names()
+    lower, upper = (bound.ravel() for bound in joint_ranges(limits))
+    clipped = np.clip(angles, lower, upper)
+    beyond = np.rad2deg(np.abs(angles - clipped))
+    row, column = divmod(int(beyond.argmax()), len(names))
+    if beyond[row, column] > _CLIPPED_DEG:
+        angle, low, high = (float(np.rad2deg(x)) for x in (angles[row, column], lower[column], upper[column]))
+        raise CommandError(
+            f"{source} at {time_s[row]:g} s: {names[column]} of {angle:.1f} deg is beyond the joint limits"
+            f" {limits.name}, {low:.1f} to {high:.1f} deg, by more than the {_CLIPPED_DEG:g} deg that are clipped:"
+            " correct the file, or give limits of this person with --set plant.subject.joint_limits=FILE.yaml"
+        )
+    most = beyond.max(axis=0)
+    which = [f"{names[j]} by {most[j]:.2g}" for j in most.argsort()[::-1] if most[j] > 10.0**-DECIMALS]
+    within = f"up to {_CLIPPED_DEG:g} deg beyond the joint limits {limits.name} are clipped"
+    return clipped, f"{within}: {', '.join(which)} deg" if which else f"{within}: none is beyond"
 
 
 def _in_time(

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joint angles over time, from a recording or from a CSV file of measurements."""
+"""Joint angles over time, from a recording, a CSV file or a motion file of OpenSim."""
 
 import csv
 import difflib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -13,31 +14,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.parameters.nanoseconds import seconds, stamp_ns
-from skydiver_utc.parameters.yaml_io import number
 from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.namespace import namespace_of
+from skydiver_utc.recording.number_table import numbers, refuse_twice, text_of
+from skydiver_utc.recording.opensim import ENDINGS, read_opensim
 from skydiver_utc.recording.reader import read_bag
 
 _TOPIC = "joint_states"
 _TIME = "time_s"
 _SUFFIX = "_deg"
-_LARGEST_DEG = 180.0
 
 
 @dataclass(frozen=True, eq=False)
 class JointAngles:
-    """Joint angles over time: time_s (n,) rising, m names, values (n, m) [rad]; how many messages cannot be used."""
+    """Joint angles over time: time_s (n,) rising, m names, values (n, m) [rad]; in words, what was left out."""
 
     time_s: NDArray[np.float64]
     names: tuple[str, ...]
     values: NDArray[np.float64]
-    left_out: int = 0
+    note: str = ""
 
 
 def read_joint_angles(path: Path, known: Sequence[str]) -> JointAngles:
-    """Read a run folder, a bag, an .mcap file or a CSV file; `known` are the names of the joint angles."""
+    """Read a run folder, a bag, or an .mcap, CSV, .mot or .sto file; `known` are the names of the joint angles."""
     if path.suffix.lower() == ".csv":
         return _from_csv(path, known)
+    if path.suffix.lower() in ENDINGS:
+        return JointAngles(*read_opensim(path))
     return _from_bag(path, known)
 
 
@@ -54,11 +57,12 @@ def _from_bag(path: Path, known: Sequence[str]) -> JointAngles:
     for message in fitting:
         by_stamp.setdefault(stamp_ns(message.header.stamp), message.position)
     stamps = sorted(by_stamp)
+    left_out = len(topic) - len(fitting) + topic.left_out
     return JointAngles(
         time_s=np.array([seconds(stamp - stamps[0]) for stamp in stamps]),
         names=tuple(known),
         values=np.array([by_stamp[stamp] for stamp in stamps], dtype=float),
-        left_out=len(topic) - len(fitting) + topic.left_out,
+        note=f"{left_out} recorded postures cannot be used and are left out" if left_out else "",
     )
 
 
@@ -77,28 +81,19 @@ def _from_csv(path: Path, known: Sequence[str]) -> JointAngles:
     Without it, angles that all fit radians are refused.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            lines = [(line, row) for line, row in enumerate(csv.reader(stream, strict=True), 1) if row]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise RecordingError(f"{path} is no CSV file in UTF-8 ({error}): save it as one") from error
-    if len(lines) < 3:
-        raise RecordingError(f"{path} has fewer than two postures: write a header and a line for each time")
-    header = [cell.strip() for cell in lines[0][1]]
-    names = _names(path, header, known)
-    table = np.array([_numbers(path, line, header, row) for line, row in lines[1:]])
+        rows = csv.reader(StringIO(text_of(path), newline=""), strict=True)
+        lines = [(line, row) for line, row in enumerate(rows, 1) if row]
+    except csv.Error as error:
+        raise RecordingError(f"{path} is no CSV file ({error}): save it as one") from error
+    header = [cell.strip() for cell in lines[0][1]] if lines else []
+    names = _names(path, header, known) if lines else ()
+    table = numbers(path, header, range(len(header)), lines[1:])
     if np.abs(table[:, 1:]).max() <= math.pi and not header[1].endswith(_SUFFIX):
         raise RecordingError(
             f"{path} has no angle beyond {math.pi:.4g}, as if it were in radians: write degrees, and name the columns"
             f" with their unit, as in {header[1]}{_SUFFIX}"
         )
-    time_s = table[:, 0]
-    for (line, _), before, after in zip(lines[2:], time_s, time_s[1:], strict=False):
-        if after <= before:
-            raise RecordingError(
-                f"{path} line {line}, column {_TIME}: {after:g} is not above {before:g}; sort the"
-                " lines by time"
-            )
-    return JointAngles(time_s, names, np.deg2rad(table[:, 1:]))
+    return JointAngles(table[:, 0], names, np.deg2rad(table[:, 1:]))
 
 
 def _names(path: Path, header: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
@@ -114,27 +109,5 @@ def _names(path: Path, header: Sequence[str], known: Sequence[str]) -> tuple[str
             close = difflib.get_close_matches(name, known, 1)
             hint = f"did you mean {close[0]}" if close else f"write one like {known[0]}"
             raise RecordingError(f"{path} line 1, column {column}: there is no joint angle {name!r}, {hint}")
-        if names.index(name) != column - 2:
-            raise RecordingError(f"{path} line 1, column {column}: there are two columns {name}, delete one")
+    refuse_twice(path, 1, [_TIME, *names])
     return names
-
-
-def _numbers(path: Path, line: int, header: Sequence[str], row: Sequence[str]) -> list[float]:
-    if len(row) != len(header):
-        raise RecordingError(
-            f"{path} line {line} has {len(row)} columns, the header has {len(header)}: write a value for each"
-        )
-    numbers = []
-    for name, cell in zip(header, row, strict=True):
-        try:
-            value = number(cell)
-        except ValueError as error:
-            raise RecordingError(
-                f"{path} line {line}, column {name}: {cell.strip()!r} is no finite number, write one"
-            ) from error
-        if name != _TIME and abs(value) > _LARGEST_DEG:
-            raise RecordingError(
-                f"{path} line {line}, column {name}: {value:g} deg is beyond {_LARGEST_DEG:g}, write degrees"
-            )
-        numbers.append(value)
-    return numbers

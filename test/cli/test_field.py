@@ -36,7 +36,7 @@ def commands(path: Path, scratch: Path) -> Iterator[tuple[object, ...]]:
         yield "stability", "--plant", path, "--json"
         yield "pattern", "show", path, "--json"
         yield "calibrate", path, "--out", scratch / "calibrated"
-    elif path.suffix == ".csv":
+    elif path.suffix in (".csv", ".mot", ".sto"):
         yield "pattern", "extract", path, "--json"
         yield "pattern", "import", path, "--out", scratch / "path.yaml"
     else:

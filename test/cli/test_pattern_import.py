@@ -165,11 +165,32 @@ def refused(source, out, *arguments):
     return result.output
 
 
-def test_a_posture_beyond_the_joint_limits_is_named_with_its_time(tmp_path):
-    source = csv_of(tmp_path / "bent.csv", np.deg2rad([[10.0], [-3.0]]), ["left_knee_flexion"], dt=0.25)
+KNEES = ["left_knee_flexion", "right_knee_flexion"]
+
+
+def test_angles_just_beyond_the_joint_limits_are_clipped_and_named(tmp_path):
+    """As published gaits have them: a straight knee a degree beyond."""
+    source = csv_of(tmp_path / "gait.csv", np.deg2rad([[40.0, 9.0], [-1.1, 5.0], [20.0, 0.0]]), KNEES, dt=1.0)
+    printed, settings, _ = imported(source, tmp_path / "gait.yaml")
+    assert "left_knee_flexion by 1.1 deg" in printed
+    assert "right_knee" not in printed
+    path = load_scenario("bank_recovery", settings).plant.pattern
+    assert "left_knee_flexion by 1.1 deg" in path.source
+    angles = [frame.posture.joint_angles_deg.get("left_knee", (0.0,))[0] for frame in path.keyframes]
+    assert min(angles) == 0.0
+    assert max(angles) == pytest.approx(40.0)
+
+
+def test_an_angle_far_beyond_the_joint_limits_is_named_with_its_time(tmp_path):
+    source = csv_of(tmp_path / "bent.csv", np.deg2rad([[10.0], [-5.1]]), ["left_knee_flexion"], dt=0.25)
     message = refused(source, tmp_path / "bent.yaml")
-    assert "bent.csv at 0.25 s is beyond the joint limits adult: left_knee flexion of -3.0 deg" in message
+    for words in ("bent.csv at 0.25 s", "left_knee_flexion of -5.1 deg", "joint limits adult"):
+        assert words in message
     assert not (tmp_path / "bent.yaml").exists()
+    limits = (config_folder() / "joint_limits" / "adult.yaml").read_text(encoding="utf-8")
+    own = tmp_path / "limber.yaml"
+    own.write_text(limits.replace("knee: {flexion: [0", "knee: {flexion: [-10"), encoding="utf-8")
+    imported(source, tmp_path / "bent.yaml", "--set", f"plant.subject.joint_limits={own}")
 
 
 @pytest.mark.parametrize(
@@ -272,7 +293,8 @@ def test_a_tolerance_that_cannot_be_kept_is_refused(tolerance, tmp_path):
 
 
 def test_postures_that_do_not_move_are_refused(tmp_path):
-    source = arms_of(tmp_path / "still.csv", [0.0, 1.0, 2.0], [10.0, 10.0, 10.0])
+    """Not even by the noise of a measurement."""
+    source = arms_of(tmp_path / "still.csv", [0.0, 1.0, 2.0], [10.0, 10.09, 10.01])
     assert "do not move: give the recording of a maneuver" in refused(source, tmp_path / "still.yaml")
 
 
