@@ -115,6 +115,25 @@ def _number(text: object) -> float:
     return number(str(text))
 
 
+class _Written(click.ParamType):  # type: ignore[type-arg]
+    """Takes numbers that are written as in YAML."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        try:
+            _number(value)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class _Count(_Written, click.IntRange):
+    """The type of a whole number."""
+
+
+class _Factor(_Written, click.FloatRange):
+    """The type of a factor."""
+
+
 _version = click.version_option(__version__, message="%(version)s")
 _scenario = click.argument("scenario", metavar="SCENARIO")
 _run_folder = click.argument("folder", metavar="RUN", type=_PATH)
@@ -139,7 +158,7 @@ _jobs = click.option(
     "--jobs",
     default=2,
     show_default=True,
-    type=click.IntRange(1),
+    type=_Count(1),
     help="Processes that simulate at the same time.",
 )
 
@@ -180,7 +199,7 @@ def simulate(**options: Any) -> None:
 )
 @click.option("--real-time", is_flag=True, help="Step by the clock instead of waiting for each command.")
 @click.option(
-    "--delay-steps", default=0, show_default=True, type=click.IntRange(0, 50),
+    "--delay-steps", default=0, show_default=True, type=_Count(0, 50),
     help="Let the controller predict the state so many steps ahead; a real-time command acts one step later.",
 )  # fmt: skip
 @_json
@@ -287,9 +306,7 @@ def neutral(**options: Any) -> None:
     "--kind", type=click.Choice(list(PATTERN_KINDS)), default=DEFAULT_KIND, show_default=True,
     help="Positive alpha turns left, lowers the head, slides to the left, or falls slower.",
 )  # fmt: skip
-@click.option(
-    "--seed", default=1, show_default=True, type=click.IntRange(min=0), help="Seed of the random starts."
-)
+@click.option("--seed", default=1, show_default=True, type=_Count(0), help="Seed of the random starts.")
 @_out_file
 @_force
 def design(**options: Any) -> None:
@@ -313,7 +330,13 @@ def show(**options: Any) -> None:
 
 @pattern.command(short_help="Find the movement patterns of recorded postures.")
 @click.argument("source", metavar="SOURCE", type=_PATH)
-@click.option("--component", default=1, show_default=True, help="Which one to write, by falling variance.")
+@click.option(
+    "--component",
+    default=1,
+    show_default=True,
+    type=_Count(1),
+    help="Which one to write, by falling variance.",
+)
 @_out_file
 @click.option("--mean", type=_PATH, metavar="FILE.yaml", help="Write the mean posture here.")
 @_force
@@ -381,9 +404,9 @@ def trim(**options: Any) -> None:
     "--out", required=True, type=_PATH, metavar="FOLDER",
     help="Write the skydiver here; a search that was interrupted here is continued.",
 )  # fmt: skip
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of the search.")
+@click.option("--seed", default=1, show_default=True, type=_Count(0), help="Seed of the search.")
 @click.option(
-    "--evaluations", type=click.IntRange(1), help="How many skydivers to try, instead of the file's number."
+    "--evaluations", type=_Count(1), help="How many skydivers to try, instead of the file's number."
 )
 @_json
 @_quiet
@@ -406,9 +429,7 @@ def calibrate(**options: Any) -> None:
     "--alpha", default=0.0, show_default=True, type=_number, metavar="RAD",
     help="Pattern angle [rad] of the steady turn; 0: the straight fall.",
 )  # fmt: skip
-@click.option(
-    "--steps", type=click.IntRange(1, 500), help="Prediction steps, instead of those of the settings."
-)
+@click.option("--steps", type=_Count(1, 500), help="Prediction steps, instead of those of the settings.")
 @_settings
 @_json
 def stability(**options: Any) -> None:
@@ -456,11 +477,11 @@ def study() -> None:
 @_settings
 @click.option(
     "--factor", "reaches", multiple=True, default=(3.0,), show_default=True,
-    type=click.FloatRange(1.0, 100.0, min_open=True),
+    type=_Factor(1.0, 100.0, min_open=True),
     help="Largest factor on a covariance, and the inverse of the smallest. Repeatable.",
 )  # fmt: skip
-@click.option("--count", default=200, show_default=True, type=click.IntRange(2), help="Tunings per scenario.")
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of the tunings.")
+@click.option("--count", default=200, show_default=True, type=_Count(2), help="Tunings per scenario.")
+@click.option("--seed", default=1, show_default=True, type=_Count(0), help="Seed of the tunings.")
 @_out_folder
 @_jobs
 @_json
