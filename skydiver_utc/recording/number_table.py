@@ -49,7 +49,7 @@ def numbers(
             raise RecordingError(
                 f"{path} line {line} has {len(cells)} columns, the header has {len(header)}: write a value for each"
             )
-        row = []
+        row: list[float] = []
         for column in columns:
             place = f"{path} line {line}, column {header[column]}"
             try:

@@ -59,12 +59,12 @@ def parts(file: Path) -> Iterator[Part]:
 
     A file that is no MCAP file, or cannot be read, raises `RecordingError`.
     """
-    for _, opcode, data in records(file):
-        yield from _parts_of(opcode, data)
+    for _, size, opcode, data in records(file):
+        yield from _parts_of(size, opcode, data)
 
 
-def records(file: Path) -> Iterator[tuple[int, int, bytes]]:
-    """Offset, opcode and contents of every record; opcode 0 for what follows the last whole one.
+def records(file: Path) -> Iterator[tuple[int, int, int, bytes]]:
+    """Offset, size, opcode and contents of every record; opcode 0 for what follows the last whole one.
 
     Errors as in `parts`.
     """
@@ -81,7 +81,7 @@ def records(file: Path) -> Iterator[tuple[int, int, bytes]]:
                 opcode, length = _HEADER.unpack(header) if whole else (0, 0)
                 if not whole or length > size - stream.tell():
                     opcode, length = 0, size - stream.tell()
-                yield begin, opcode, stream.read(length)
+                yield begin, len(header) + length, opcode, stream.read(length)
     except OSError as error:
         raise RecordingError(f"{file} cannot be read ({error.strerror}): check its permissions.") from error
 
@@ -106,14 +106,14 @@ class _ExactStream(ReadDataStream):
         return data
 
 
-def _parts_of(opcode: int, data: bytes) -> list[Part]:
+def _parts_of(size: int, opcode: int, data: bytes) -> list[Part]:
     """The parts of one record; one `Damaged` if any of it is damaged."""
     try:
         if opcode == Opcode.CHUNK:
             return list(_parts_of_chunk(data))
         return [part for part in [_part(opcode, data)] if part is not None]
     except DAMAGE as error:
-        return [Damaged(_HEADER.size + len(data), str(error))]
+        return [Damaged(size, str(error))]
 
 
 def _part(opcode: int, data: bytes) -> Part | None:

@@ -130,7 +130,7 @@ def _indexed_counts(path: Path) -> Counter[str]:
     counts: Counter[str] = Counter()
     for file in bag_files(path):
         topics = _topics(file)
-        chunks = {offset for offset, opcode, _ in records(file) if opcode == Opcode.CHUNK}
+        chunks = {offset for offset, _, opcode, _ in records(file) if opcode == Opcode.CHUNK}
         with file.open("rb") as stream:
             # The library raises whatever a wrong index leads it to.
             try:
