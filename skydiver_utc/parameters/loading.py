@@ -11,13 +11,14 @@ from typing import Any
 from skydiver_utc.parameters.conversion import Unresolved, convert
 from skydiver_utc.parameters.errors import ParameterError
 from skydiver_utc.parameters.merging import merged
-from skydiver_utc.parameters.registry import search_modules_in
+from skydiver_utc.parameters.registry import refuse_other_code, search_modules_in
 from skydiver_utc.parameters.scenario import Scenario
 from skydiver_utc.parameters.yaml_io import (
     parse_yaml,
     read_yaml,
     refuse_non_finite,
     refuse_unresolved,
+    values_in,
     write_yaml,
 )
 
@@ -94,9 +95,16 @@ def to_yaml(scenario: Scenario) -> str:
 
 
 def from_yaml(text: str) -> Scenario:
-    """The scenario of a resolved text, which may come from anywhere: no file is read. Raises `ParameterError`."""
+    """The scenario of a resolved text, which may come from anywhere: no file is read, no other code imported.
+
+    Raises `ParameterError`.
+    """
     refuse_unresolved(text, "the scenario")
-    return convert(parse_yaml(text, "the scenario"), "of the text")
+    content = parse_yaml(text, "the scenario")
+    for path, value in values_in(content):
+        if path[-1:] == ("kind",) and isinstance(value, str) and ":" in value:
+            refuse_other_code(value)
+    return convert(content, "of the text")
 
 
 def _scenario_path(name_or_path: str) -> Path:
@@ -171,17 +179,18 @@ def _with_table(content: dict[str, Any], beside: Path = Path()) -> dict[str, Any
 
 
 def _read_table(block: Any, beside: Path) -> Any:
+    """The block with the text of its CSV file; an `Unresolved` stands for one that cannot be read."""
     if isinstance(block, dict) and isinstance(block.get("parts"), list):
         block = {**block, "parts": [_read_table(part, beside) for part in block["parts"]]}
     if not (isinstance(block, dict) and block.get("kind", "csv") == "csv" and "file" in block):
         return block
     path = beside / str(block["file"])
+    table: str | Unresolved
     try:
         table = path.read_text(encoding="utf-8-sig")
     except (OSError, ValueError) as error:
-        raise ParameterError(
-            f"parameter reference.file: {path} cannot be read ({error}): give a CSV file in UTF-8"
-        ) from error
+        reason = f"{path} cannot be read ({error}): give a CSV file in UTF-8"
+        table = Unresolved(f"parameter reference.file: {reason}")
     return {name: value for name, value in block.items() if name != "file"} | {"table": table}
 
 

@@ -3,13 +3,14 @@
 
 A kind is made by a class, as `Class(settings, ...)`. A class of the user's own is named as `module:Class`; its
 settings are the nested class `Class.Settings`. The module is looked for on the Python path, in the folder of the
-scenario file and in the current folder.
+scenario file and in the current folder. A text of a topic or a recording names only modules that import this package.
 """
 
 import difflib
 import importlib
 import sys
 from collections.abc import Mapping
+from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -114,6 +115,30 @@ def search_modules_in(folder: Path) -> None:
     """Let `module:Class` be found in a folder, after the Python path."""
     if (place := str(folder.resolve())) not in sys.path:
         sys.path.append(place)
+
+
+def refuse_other_code(kind: str) -> None:
+    """Refuse a `module:Class` whose module is neither imported nor written for this package; nothing is run."""
+    module = kind.partition(":")[0]
+    if module in sys.modules:
+        return
+    search_modules_in(Path.cwd())
+    folders: list[str] | None = None
+    origin = ""
+    for part in module.split("."):
+        spec = PathFinder.find_spec(part, folders)
+        if spec is None:
+            raise MissingModuleError(module)
+        folders, origin = spec.submodule_search_locations or [], str(spec.origin)
+    try:
+        written_for_this = b"skydiver_utc" in Path(origin).read_bytes()
+    except OSError:  # a folder without any module
+        written_for_this = False
+    if not written_for_this:
+        raise ParameterError(
+            f"the class {kind} is not imported: its module does not import skydiver_utc, and a topic or a recording"
+            " names no other code"
+        )
 
 
 def _load(place: str) -> Any:

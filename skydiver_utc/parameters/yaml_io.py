@@ -149,7 +149,7 @@ def refuse_unresolved(text: str, origin: str) -> None:
 def refuse_non_finite(value: Any, origin: str, name: str = "") -> None:
     """Raise if numbers in `value` are NaN or infinite, or if it is too large."""
     wrong = []
-    for count, (path, item) in enumerate(_values(value, (name,) if name else ())):
+    for count, (path, item) in enumerate(values_in(value, (name,) if name else ())):
         if isinstance(item, float) and not math.isfinite(item):
             place = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path)
             wrong.append(f"{place.removeprefix('.')} in {origin} is {item}: write a finite number")
@@ -159,15 +159,15 @@ def refuse_non_finite(value: Any, origin: str, name: str = "") -> None:
         raise ParameterError("; ".join(wrong))
 
 
-def _values(value: Any, path: tuple[Any, ...]) -> Iterator[tuple[tuple[Any, ...], Any]]:
+def values_in(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[tuple[Any, ...], Any]]:
     """The value and all values in it, with the names and places that lead there."""
     yield path, value
     if isinstance(value, dict):
         for key, item in value.items():
-            yield from _values(item, (*path, key))
+            yield from values_in(item, (*path, key))
     elif isinstance(value, list | tuple):
         for index, item in enumerate(value):
-            yield from _values(item, (*path, index))
+            yield from values_in(item, (*path, index))
 
 
 def write_yaml(content: Any) -> str:

@@ -64,3 +64,36 @@ def test_a_wrong_one_is_named(load, reference, words):
         load(reference)
     for word in words:
         assert word in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["{0}", "{0}_package.inner"])
+@pytest.mark.parametrize("written_for_this", [True, False])
+def test_a_text_from_anywhere_imports_no_other_code(tmp_path, monkeypatch, name, written_for_this):
+    """Only a module that imports this package, as one with a class for it does."""
+    monkeypatch.syspath_prepend(tmp_path)
+    module = name.format(f"waves_{tmp_path.name}")
+    path = tmp_path / f"{module.replace('.', '/')}.py"
+    path.parent.mkdir(exist_ok=True)
+    source = MODULE if written_for_this else "class Wave:\n    pass\n"
+    path.write_text(f"open({str(tmp_path / 'run')!r}, 'w')\n{source}")
+    text = to_yaml(
+        load_scenario("bank_recovery", {"reference": {"kind": "constant", "values": {"yaw_rate": 0.0}}})
+    )
+    text += f"disturbances: [{{kind: '{module}:Wave', height: 1}}]\n"
+    text = text.replace("disturbances: []\n", "", 1)
+    if written_for_this:
+        assert from_yaml(text).disturbances[0].height == 1.0
+    else:
+        with pytest.raises(ParameterError, match=module):
+            from_yaml(text)
+    assert (tmp_path / "run").exists() == written_for_this
+
+
+def test_a_text_from_anywhere_imports_no_plain_module_on_the_way(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "plain_waves.py").write_text(f"open({str(tmp_path / 'run')!r}, 'w')")
+    (tmp_path / "inner.py").write_text(MODULE)
+    text = to_yaml(load_scenario("bank_recovery")).replace("kind: pose", "kind: plain_waves.inner:Wave")
+    with pytest.raises(ParameterError):
+        from_yaml(text)
+    assert not (tmp_path / "run").exists()

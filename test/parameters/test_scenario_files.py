@@ -141,6 +141,13 @@ def test_wrong_fields_names_and_numbers_are_told_at_once() -> None:
         assert words in message
 
 
+def test_a_table_that_is_missing_hides_no_other_fault(tmp_path: Path) -> None:
+    text = f"extends: {FAST}\ndt_s: zero\nreference: {{kind: csv, file: nowhere.csv, tabel: 1}}\n"
+    message = refused(str(write(tmp_path / "flight.yaml", text)))
+    for words in ("dt_s", "nowhere.csv", "reference.tabel"):
+        assert words in message
+
+
 def test_very_many_wrong_fields_are_counted() -> None:
     text = to_yaml(load_scenario(FAST)) + "".join(f"key{k}: 1\n" for k in range(20_000))
     with pytest.raises(ParameterError, match="19990 more"):
