@@ -40,6 +40,11 @@ def _rotation_signs() -> Array:
 _SIGNS = _rotation_signs()
 
 
+def rotation_axes() -> Array:
+    """Axes (15, 3, 3) about which flexion, abduction and rotation turn a segment, each in the axes turned so far."""
+    return _SIGNS[:, :, None] * np.eye(3)[[1, 2, 0]] + 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Configuration:
     """A body in a posture, in the body frame (pelvis axes, origin at the centre of mass).

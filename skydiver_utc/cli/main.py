@@ -180,6 +180,17 @@ def scenarios(**options: Any) -> None:
     _run("scenarios", "scenarios", **options)
 
 
+@main.command(short_help="Print the body of SCENARIO's plant as URDF.")
+@click.argument("scenario", metavar="[SCENARIO]", default="fast_turn_unknown_dynamics")
+@_settings
+def urdf(**options: Any) -> None:
+    """Print the body of SCENARIO's plant as URDF, the robot model that ROS displays and many other tools read.
+
+    Its joints are those of the topic `joint_states`; without SCENARIO it is the skydiver of the paper's fast turn.
+    """
+    _run("urdf", "urdf", **options)
+
+
 @main.command(epilog=_EXIT_CODES, short_help="Run SCENARIO in this process, without ROS.")
 @_scenario
 @_settings

@@ -6,10 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 import yaml
 from command_line import invoke as call
+from own_slots import cart_file
 from recordings import without, write_run
 from runs import CART, cart, random_run, run_of
 
@@ -33,7 +35,17 @@ def refused(*arguments: object) -> str:
 
 
 PATTERN = [["pattern", name] for name in ("neutral", "design", "show", "extract", "import")]
-OTHERS = [["run"], ["simulate"], ["analyse"], ["replay"], ["recover"], ["scenarios"], ["trim"], ["stability"]]
+OTHERS = [
+    ["run"],
+    ["simulate"],
+    ["analyse"],
+    ["replay"],
+    ["recover"],
+    ["scenarios"],
+    ["trim"],
+    ["stability"],
+    ["urdf"],
+]
 
 
 @pytest.mark.parametrize("command", [[], *OTHERS, *PATTERN, ["compare", "paper"], ["study", "tuning"]])
@@ -77,6 +89,16 @@ def test_a_scenario_is_shown_with_all_its_settings() -> None:
     shown = call("scenarios", "--show", "back_layout").stdout
     assert from_yaml(shown) == load_scenario("back_layout")
     assert "nothing" in refused("scenarios", "--show", "nothing")
+
+
+def test_the_urdf_is_that_of_the_scenario_s_plant(tmp_path: Path) -> None:
+    heavy = ("--set", "plant.subject=heavy")
+    robot = ElementTree.fromstring(call("urdf", "back_layout", *heavy).stdout)
+    mass = sum(float(mass.attrib["value"]) for mass in robot.iter("mass"))
+    assert mass == pytest.approx(
+        load_scenario("back_layout", {"plant.subject": "heavy"}).plant.subject.mass_kg
+    )
+    assert "cart" in refused("urdf", cart_file(tmp_path))
 
 
 @pytest.mark.parametrize(
