@@ -28,7 +28,7 @@ from skydiver_utc.parameters.skydiver import CONTROLS as CONTROL_NAMES
 from skydiver_utc.recording.reader import read_bag
 
 _FACTOR = 1.2
-_JOINT_STATES_EVERY = 8  # steps: the display rate of about 30 Hz
+_JOINT_STATES_EVERY = 10  # steps: the display rate of about 25 Hz
 _STATE, _TELEMETRY = "/skydiver/state", "/skydiver/controller/telemetry"
 
 

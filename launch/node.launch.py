@@ -47,7 +47,7 @@ def _node(context: Any) -> list[Node]:
         executable=f"{name}_node",
         output="screen",
         parameters=[yaml.safe_load(given["parameters"]), *([file] if file else [])],
-        remappings=[("/clock", given["clock"])],
+        remappings=[("/clock", given["clock"]), ("/tf", given["clock"].removesuffix("clock") + "tf")],
         on_exit=on_exit,
     )
     return [node]

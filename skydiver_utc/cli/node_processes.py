@@ -54,7 +54,7 @@ class NodeProcesses:
     ) -> None:
         self._remapping = ["-r", f"__ns:=/{namespace}"] if namespace else []
         if own_clock:
-            self._remapping += ["-r", f"/clock:=/{namespace}/clock"]
+            self._remapping += ["-r", f"/clock:=/{namespace}/clock", "-r", f"/tf:=/{namespace}/tf"]
         path = [PACKAGE_FOLDER, environment.get("PYTHONPATH", ""), str(module_folder or "")]
         self._environment = {**environment, "PYTHONPATH": os.pathsep.join(filter(None, path))}
         self._log_folder = log_folder

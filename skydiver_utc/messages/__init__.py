@@ -9,6 +9,7 @@ from skydiver_utc.messages.errors import MessageError, Refusals
 from skydiver_utc.messages.grid import StepGrid
 from skydiver_utc.messages.named import fill_named, read_named
 from skydiver_utc.messages.odometry import POSE_TWIST_NAMES, fill_odometry, read_odometry
+from skydiver_utc.messages.pose import fill_pose
 from skydiver_utc.messages.preview import PreviewStore, fill_preview, read_preview
 from skydiver_utc.messages.state import fill_state, read_state
 from skydiver_utc.messages.texts import (
@@ -30,6 +31,7 @@ __all__ = [
     "change_text",
     "fill_named",
     "fill_odometry",
+    "fill_pose",
     "fill_preview",
     "fill_state",
     "fill_twist",

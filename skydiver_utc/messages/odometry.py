@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.messages.errors import MessageError, refuse_non_finite
+from skydiver_utc.messages.pose import fill_pose
 
 Vector = NDArray[np.float64]
 
@@ -21,9 +22,8 @@ _ROUNDING, _LARGEST_ERROR = 1e-6, 1e-3
 def fill_odometry(message: Any, state: Vector) -> Any:
     """Write a state (13,); returns the message."""
     pose, twist = message.pose.pose, message.twist.twist
-    position, quaternion, linear, angular = pose.position, pose.orientation, twist.linear, twist.angular
-    position.x, position.y, position.z = state[0:3].tolist()
-    quaternion.x, quaternion.y, quaternion.z, quaternion.w = state[3:7].tolist()
+    linear, angular = twist.linear, twist.angular
+    fill_pose(pose.position, pose.orientation, state[:7])
     linear.x, linear.y, linear.z = state[7:10].tolist()
     angular.x, angular.y, angular.z = state[10:13].tolist()
     return message

@@ -20,6 +20,7 @@ from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Health, Level, Rate
 from skydiver_utc.nodes.lifecycle import RefusedError
 from skydiver_utc.nodes.node import ScenarioNode, wait_for_subscribers
+from skydiver_utc.nodes.plant_display import PlantDisplay
 from skydiver_utc.nodes.plant_topics import PlantTopics
 from skydiver_utc.nodes.process import run
 from skydiver_utc.parameters import to_yaml
@@ -52,7 +53,7 @@ class PlantNode(ScenarioNode):
         self._pace: RealTimePace | None = None
         self.get_logger().info("building")
         self._run = PlantSteps(self.scenario)
-        self._out = PlantTopics(self, self._run.plant)
+        self._out, self._display = PlantTopics(self, self._run.plant), PlantDisplay(self, self._run.plant)
         real_time = self.settings.mode == "real_time"
         qos = topics.EACH_AS_IT_COMES if real_time else None
         self._commands = self.subscribe(topics.COMMAND, self.on_command, qos)
@@ -222,6 +223,7 @@ class PlantNode(ScenarioNode):
         self._began_at = time.monotonic()
         goes_on = self._run.begin()
         self._publish_state()
+        self._display.publish(self.k, self._run.state, self._run.applied)
         if not goes_on:
             self._finish()
 
@@ -241,6 +243,7 @@ class PlantNode(ScenarioNode):
         self._retries = 0
         self._publish_state()
         self._out.publish_applied(self.k - 1, self._run.applied)
+        self._display.publish(self.k, self._run.state, self._run.applied)
         if not goes_on:
             self._finish()
         elif self.settings.progress and self.k % self._progress_steps == 0:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The messages that a plant publishes."""
+"""The messages that a plant publishes in each step."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,6 @@ from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.plants.protocol import Plant
 
 Vector = NDArray[np.float64]
-_DISPLAY_RATE_HZ = 30.0
 
 
 class PlantTopics:
@@ -26,7 +25,6 @@ class PlantTopics:
         self.state = node.advertise(topics.STATE.of_type(state_type))
         self._clock = node.advertise(topics.CLOCK)
         self._applied = node.advertise(topics.APPLIED_COMMAND)
-        self._joints = node.advertise(topics.JOINT_STATES) if plant.joint_names else None
         self.outcome = node.advertise(topics.OUTCOME)
         self._state_message = state_type()
         if plant.state_message == "odometry":
@@ -35,8 +33,6 @@ class PlantTopics:
             self._state_message.name = list(plant.state_names)
         self._clock_message = Clock()
         self._applied_message = JointState(name=list(plant.control_names))
-        self._joints_message = JointState(name=list(plant.joint_names))
-        self._display_steps = max(1, round(1.0 / (_DISPLAY_RATE_HZ * node.scenario.dt_s)))
 
     def publish_state(self, k: int, state: Vector) -> None:
         """State first: the controller works while the clock is sent."""
@@ -46,9 +42,6 @@ class PlantTopics:
         self._clock.publish(self._clock_message)
 
     def publish_applied(self, k: int, applied: Vector) -> None:
-        """The actuators' state (a,) from step k on, and sometimes the joint angles."""
+        """The control of the actuators' state (a,) from step k on."""
         self._grid.set_stamp(self._applied_message.header.stamp, k)
         self._applied.publish(fill_named(self._applied_message, applied[: len(self._plant.control_names)]))
-        if self._joints is not None and k % self._display_steps == 0:
-            self._grid.set_stamp(self._joints_message.header.stamp, k)
-            self._joints.publish(fill_named(self._joints_message, self._plant.joint_angles(applied)))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import Log, ParameterEvent
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
@@ -13,6 +13,12 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
+
+try:
+    from tf2_msgs.msg import TFMessage
+except ImportError:  # PyPI has no wheel of it: Foxglove and Lichtblick take single transforms, too
+    TFMessage = None
 
 NAMESPACE = "skydiver"
 
@@ -79,7 +85,12 @@ CHANGES = Topic("changes", String, EACH_STEP)
 COMMAND = Topic("command", JointState, EACH_STEP, (PLANT,), fewer_than_states=1, needed=True)
 TELEMETRY = Topic("controller/telemetry", JointState, EACH_STEP, fewer_than_states=1)
 APPLIED_COMMAND = Topic("applied_command", JointState, EACH_STEP, fewer_than_states=1, needed=True)
+ROBOT_DESCRIPTION = Topic("robot_description", String, LATCHED)
 JOINT_STATES = Topic("joint_states", JointState, EACH_STEP)
+MARKERS = Topic("markers", MarkerArray, EACH_STEP)
+TRANSFORMS = (
+    Topic("/tf", TFMessage, EACH_STEP) if TFMessage else Topic("transforms", TransformStamped, EACH_STEP)
+)
 DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, EACH_STEP)
 OUTCOME = Topic("outcome", String, LATCHED)
 RECORDER_READY = Topic("recorder/ready", String, LATCHED, recorded=False)
@@ -99,7 +110,10 @@ TOPICS = (
     COMMAND,
     TELEMETRY,
     APPLIED_COMMAND,
+    ROBOT_DESCRIPTION,
     JOINT_STATES,
+    MARKERS,
+    TRANSFORMS,
     DIAGNOSTICS,
     LOGS,
     PARAMETER_EVENTS,

@@ -177,6 +177,14 @@ class Plant(ABC):
         """Force [N] on each of the `shapes` in the world (S, 3); none (0, 3) where a display has none to draw."""
         return np.empty((0, 3))
 
+    def robot_description(self) -> str:
+        """The body as URDF, with the joints of `joint_names` and the root `base_link`; empty where there is none."""
+        return ""
+
+    def robot_pose(self, state: Array, applied: Array) -> Array:
+        """Origin [m] and attitude x y z w (7,) of `base_link` in the world, where there is a URDF."""
+        raise NotImplementedError
+
     def fault(self, state: Array) -> str:
         """Why the run cannot go on from a state, empty where it can."""
         return "" if np.isfinite(state).all() else "the state is not finite"

@@ -146,4 +146,4 @@ def test_a_parameter_file_counts_before_the_arguments(monkeypatch: pytest.Monkey
     arguments = described(monkeypatch, **given).arguments
     assert arguments["executable"] == "plant_node"
     assert arguments["parameters"] == [{"mode": "real_time"}, "mine.yaml"]
-    assert arguments["remappings"] == [("/clock", "/a/clock")]
+    assert arguments["remappings"] == [("/clock", "/a/clock"), ("/tf", "/a/tf")]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from skydiver_utc.body.movement import check_movement, movement
 from skydiver_utc.body.posture import configuration, joint_angle_names
 from skydiver_utc.body.segments import SEGMENTS, build_body, ellipsoids
+from skydiver_utc.body.urdf import urdf
 from skydiver_utc.parameters import SkydiverSettings
 from skydiver_utc.parameters.skydiver import CONTROLS
 from skydiver_utc.plants.protocol import Model, Plant, Reduced, Shape
@@ -61,7 +62,7 @@ class SkydiverPlant(Plant):
         self._body = build_body(settings.subject)
         sizes = ellipsoids(self._body)
         self.shapes = tuple(Shape(segment.name, size) for segment, size in zip(SEGMENTS, sizes, strict=True))
-        self._initial = settings.initial
+        self._subject, self._initial = settings.subject, settings.initial
         self.initial_speed = settings.initial.fall_speed_m_s
         self._belly_to_earth = settings.belly_to_earth
         fastest_damping(self.model, self.initial_state(), settings.initial.alpha).refuse_longer(dt_s)
@@ -150,6 +151,19 @@ class SkydiverPlant(Plant):
         forces = segment_forces(self.constants, state, applied)
         found: Array = Rotation.from_quat(state[3:7]).apply(forces)
         return found
+
+    def robot_description(self) -> str:
+        """The body as URDF."""
+        return urdf(self._subject)
+
+    def robot_pose(self, state: Array, applied: Array) -> Array:
+        """Mid hip [m] and attitude x y z w of the pelvis (7,) in the world."""
+        from scipy.spatial.transform import Rotation
+
+        placed = configuration(self._body, self._movement.angles(float(applied[3])))
+        return np.hstack(
+            [state[:3] - Rotation.from_quat(state[3:7]).apply(placed.centre_of_mass), state[3:7]]
+        )
 
     def fault(self, state: Array) -> str:
         """Empty while speed and body rate are those of a falling body."""

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import own_slots
 import pytest
+from layouts import assert_layouts_fit
 from own_slots import cart_file
 from recorded import Bag, assert_complete, assert_equals_simulation
 from ros_fixtures import NodeProcess, Processes, Ros, overrides
@@ -49,6 +50,7 @@ def test_four_processes_equal_the_simulation(processes: Processes, tmp_path: Pat
     assert_complete(bag)
     assert_equals_simulation(bag)
     assert bag.outcome()["outcome"] == simulate(bag.scenario).outcome.value
+    assert_layouts_fit(folder)
 
 
 class Recorded:
