@@ -13,11 +13,13 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
 import pytest
 import rclpy
+from node_child import fork_node
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
@@ -178,28 +180,36 @@ class Processes:
         ros_arguments: Sequence[str] = (),
     ) -> "NodeProcess":
         """Start ``<kind>_node`` with these parameters, in its own namespace unless one is given."""
-        command = ["-m", f"skydiver_utc.nodes.{kind}_node", *arguments, "--ros-args", *ros_arguments]
+        command = [*arguments, "--ros-args", *ros_arguments]
         if namespace:
             command += ["-r", f"__ns:={namespace}"]
         for name, value in parameters.items():
             text = str(value).lower() if isinstance(value, bool) else value
             command += ["-p", f"{name}:={text}"]
-        return self.python(kind, *command)
+        log = self._log(kind)
+        return self._kept(NodeProcess(fork_node(kind, command, self.environment, log), log), kind, *command)
 
     def python(self, name: str, *arguments: str) -> "NodeProcess":
         """Start Python with these arguments; `name` is that of its log."""
+        log = self._log(name)
+        with log.open("w") as stream:
+            process = subprocess.Popen(
+                [sys.executable, *arguments],
+                env=self.environment,
+                cwd=self._folder,
+                stdin=subprocess.DEVNULL,
+                stdout=stream,
+                stderr=subprocess.STDOUT,
+            )
+        return self._kept(NodeProcess(process, log), *arguments)
+
+    def _log(self, name: str) -> Path:
         self._count += 1
         log = self._folder / f"{self._count}_{name}.log"
-        stream = self._stack.enter_context(log.open("w"))
-        process = subprocess.Popen(
-            [sys.executable, *arguments],
-            env=self.environment,
-            cwd=self._folder,
-            stdin=subprocess.DEVNULL,
-            stdout=stream,
-            stderr=subprocess.STDOUT,
-        )
-        node = NodeProcess(process, log)
+        log.touch()
+        return log
+
+    def _kept(self, node: "NodeProcess", *arguments: str) -> "NodeProcess":
         self._stack.callback(node.end, arguments)
         return node
 
@@ -207,7 +217,7 @@ class Processes:
 class NodeProcess:
     """One node process and what it has printed."""
 
-    def __init__(self, process: "subprocess.Popen[bytes]", log: Path) -> None:
+    def __init__(self, process: "subprocess.Popen[bytes] | BaseProcess", log: Path) -> None:
         self._process = process
         self._log = log
 
@@ -221,28 +231,34 @@ class NodeProcess:
         return [json.loads(line) for line in self.output.splitlines() if line.startswith("{")]
 
     @property
+    def exit_code(self) -> int | None:
+        """None while the process is there; -N after signal N."""
+        process = self._process
+        return process.poll() if isinstance(process, subprocess.Popen) else process.exitcode
+
+    @property
     def ended(self) -> bool:
         """True when the process is gone."""
-        return self._process.poll() is not None
+        return self.exit_code is not None
 
     def signal(self, number: signal.Signals) -> None:
         """Send a signal to this process only."""
-        self._process.send_signal(number)
+        if not self.ended:
+            os.kill(self._process.pid or 0, number)
 
     def wait(self, patience_s: float = PATIENCE_S) -> int:
         """The exit code; what was printed is shown when it does not come."""
-        try:
-            return self._process.wait(patience_s)
-        except subprocess.TimeoutExpired:
-            self.kill()
-            raise AssertionError(f"the process did not end; it printed:\n{self.output}") from None
+        deadline = time.monotonic() + patience_s
+        while (code := self.exit_code) is None:
+            assert time.monotonic() < deadline, f"the process did not end; it printed:\n{self.output}"
+            time.sleep(0.02)
+        return code
 
     def wait_for_output(self, text: str) -> None:
         """Wait until this text has been printed."""
         deadline = time.monotonic() + PATIENCE_S
         while text not in self.output:
-            ended = self._process.poll()
-            assert ended is None, f"ended with {ended}, it printed:\n{self.output}"
+            assert not self.ended, f"ended with {self.exit_code}, it printed:\n{self.output}"
             assert time.monotonic() < deadline, f"{text!r} was not printed:\n{self.output}"
             time.sleep(0.02)
 
@@ -253,9 +269,8 @@ class NodeProcess:
 
     def kill(self) -> None:
         """End the process for certain."""
-        if self._process.poll() is None:
-            self._process.kill()
-            self._process.wait()
+        self.signal(signal.SIGKILL)
+        self.wait()
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 
 import json
 import shutil
-import signal
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -44,18 +44,38 @@ class Stage:
                 kind, self.given | {"wait_for_recorder": True} | settings
             )
 
-    def start_all(self, **settings: object) -> None:
-        self.start("reference", "controller")
-        self.start("plant", command_timeout_s=0.3, command_retries=200, **settings)
-        self.ros.spin_until(lambda: len(self.states) > 50)
+    def until(self, condition: Callable[[], object]) -> None:
+        self.ros.spin_until(condition)
 
-    def outcome(self, number: int = 1) -> dict[str, Any]:
-        self.ros.spin_until(lambda: len(self.outcomes) >= number)
-        return read_outcome(self.outcomes[-1].data)
+    def refuse_second(self, kind: str, topic: str) -> None:
+        """A second node of a kind exits with one sentence that names what the first one publishes."""
+        self.until(lambda: self.spectator.count_publishers(f"/skydiver/{topic}"))
+        second = self._processes.start(kind, self.given)
+        self.until(lambda: second.ended)
+        assert second.wait() == REFUSED
+        last = second.output.splitlines()[-1]
+        assert last.startswith(f"{kind}_node: ")
+        assert f"/skydiver/{topic}" in last
+        assert not self.nodes[kind].ended
+
+    def outcome(self) -> dict[str, Any]:
+        """The outcome of a run that began; a second plant, which is refused, publishes one, too."""
+
+        def found() -> list[dict[str, Any]]:
+            return [one for one in (read_outcome(m.data) for m in self.outcomes) if one["states"]]
+
+        self.until(found)
+        return found()[-1]
 
     def step_of(self, message: Any) -> int:
         since_ns = (message.header.stamp.sec - 1_767_225_600) * 10**9 + message.header.stamp.nanosec
         return int(since_ns // 10_000_000)
+
+    def reached(self) -> int:
+        return self.step_of(self.states[-1])
+
+    def by_step(self, states: list[Any]) -> dict[int, Any]:
+        return {self.step_of(m): read_named(m, ("position", "speed")) for m in states}
 
 
 @pytest.fixture
@@ -63,81 +83,50 @@ def stage(ros: Ros, processes: Processes, tmp_path: Path) -> Stage:
     return Stage(ros, processes, tmp_path)
 
 
-@pytest.mark.parametrize("kind", ["plant", "controller", "reference"])
-def test_a_second_node_of_a_kind_is_refused_with_one_sentence(stage: Stage, kind: str) -> None:
-    stage.start(kind)
-    topic = {"plant": "state", "controller": "command", "reference": "reference"}[kind]
-    stage.ros.spin_until(lambda: stage.spectator.count_publishers(f"/skydiver/{topic}"))
-    first = stage.nodes[kind]
-    stage.start(kind)
-    assert stage.nodes[kind].wait() == REFUSED
-    last = stage.nodes[kind].output.splitlines()[-1]
-    assert last.startswith(f"{kind}_node: ")
-    assert f"/skydiver/{topic}" in last
-    assert not first.ended
-
-
-def test_a_second_plant_in_another_namespace_is_none(stage: Stage, processes: Processes) -> None:
-    stage.start("plant")
-    stage.ros.spin_until(lambda: stage.spectator.count_publishers("/skydiver/state"))
-    processes.start("plant", stage.given, namespace="/other", ros_arguments=("-r", "/clock:=clock"))
-    stage.ros.spin_until(lambda: stage.spectator.count_publishers("/other/state"))
-    assert stage.spectator.count_publishers("/other/clock") == 1
-    assert stage.spectator.count_publishers("/clock") == 1
-
-
-def test_a_controller_killed_and_started_again_begins_from_the_applied_command(stage: Stage) -> None:
-    stage.start_all()
+def test_second_nodes_are_refused_and_killed_ones_started_again_continue_or_begin_a_new_run(
+    stage: Stage,
+) -> None:
+    stage.start("reference")
+    stage.start("plant", command_timeout_s=0.3, command_retries=200)
+    stage.refuse_second("plant", "state")
+    stage.refuse_second("reference", "reference")
+    stage.start("controller")
+    stage.until(lambda: len(stage.states) > 50)
+    stage.nodes["reference"].kill()
+    stage.start("reference")
+    killed_at = stage.reached()
+    # More than what it had published ahead.
+    stage.until(lambda: stage.reached() > killed_at + 200)
+    stage.nodes["plant"].kill()
+    first = list(stage.states)
+    stage.start("plant", command_timeout_s=0.3, command_retries=200)
+    stage.until(lambda: len(stage.states) > len(first) + 50 and stage.reached() < 1000)
     stage.nodes["controller"].kill()
     stage.start("controller")
-    stage.ros.spin_until(lambda: stage.changes)
-    assert stage.outcome()["outcome"] == "completed"
+    found = stage.outcome()
+    assert (found["outcome"], found["states"]) == ("completed", 2001)
+    assert stage.nodes["plant"].wait() == 0
+    stage.until(lambda: stage.reached() == 2000)
+    stage.refuse_second("controller", "command")
+
+    flown = simulate(load_scenario(stage.given["scenario"], {"duration_s": 20.0})).states
+    assert_flown(stage.by_step(first), flown)
+    # The controller that was started again begins from the newest applied command.
     change = json.loads(stage.changes[0].data)
+    steps = [stage.step_of(m) for m in stage.states]
+    begins = len(steps) - 1 - steps[::-1].index(0)  # a busy machine may have had a state retransmitted since
+    second = stage.by_step(stage.states[begins:])
+    assert sorted(second) == list(range(2001))
+    assert_flown({k: state for k, state in second.items() if k <= change["step"]}, flown)
     names = ("force", "brake")
     held = {stage.step_of(m): read_named(m, names) for m in stage.commands}[change["step"] - 1]
     np.testing.assert_allclose(change["control"], held, rtol=1e-12)
-    assert stage.nodes["plant"].wait() == 0
 
 
-def test_a_reference_killed_and_started_again_changes_no_bit(stage: Stage) -> None:
-    stage.start_all()
-    stage.nodes["reference"].kill()
-    stage.start("reference")
-    assert stage.outcome()["outcome"] == "completed"
-    wanted = simulate(load_scenario(stage.given["scenario"], {"duration_s": 20.0}))
-    stage.ros.spin_until(lambda: stage.step_of(stage.states[-1]) == 2000)
-    by_step = {stage.step_of(m): read_named(m, ("position", "speed")) for m in stage.states}
-    assert np.array([by_step[k] for k in range(2001)]).tobytes() == wanted.states.tobytes()
-
-
-def test_a_plant_killed_and_started_again_begins_a_new_run(stage: Stage) -> None:
-    stage.start_all()
-    stage.nodes["plant"].kill()
-    stage.start("plant")
-    found = stage.outcome()
-    assert (found["outcome"], found["states"]) == ("completed", 2001)
-    wanted = simulate(load_scenario(stage.given["scenario"], {"duration_s": 20.0}))
-    stage.ros.spin_until(lambda: stage.step_of(stage.states[-1]) == 2000)
-    steps = [stage.step_of(m) for m in stage.states]
-    begins = len(steps) - 1 - steps[::-1].index(0)  # a busy machine may have had a state retransmitted since
-    by_step = {stage.step_of(m): read_named(m, ("position", "speed")) for m in stage.states[begins:]}
-    assert np.array([by_step[k] for k in range(2001)]).tobytes() == wanted.states.tobytes()
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_plant_that_is_interrupted_ends_the_run_and_exits_with_0(
-    stage: Stage, number: signal.Signals
-) -> None:
-    stage.start_all()
-    stage.nodes["plant"].signal(number)
-    assert stage.nodes["plant"].wait() == 0
-    assert stage.outcome()["outcome"] == "aborted"
-
-
-def test_a_bad_parameter_ends_the_process_with_its_name(processes: Processes) -> None:
-    node = processes.start("reference", {"chunk_stesp": 3})
-    assert node.wait() == REFUSED
-    assert "chunk_steps" in node.output.splitlines()[-1]
+def assert_flown(by_step: dict[int, Any], flown: Any) -> None:
+    """The states of these steps are the simulated ones, bit for bit."""
+    assert len(by_step) > 50
+    assert np.array(list(by_step.values())).tobytes() == flown[list(by_step)].tobytes()
 
 
 def test_a_node_that_waits_names_the_namespaces_in_which_others_are(processes: Processes) -> None:
