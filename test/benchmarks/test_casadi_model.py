@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from skydivers import random_control
+from skydivers import random_control, step_of
 
 pytest.importorskip("casadi", reason="the tool chains are an extra: pip install '.[bench]'")
 
@@ -18,7 +18,6 @@ from skydiver_utc.plants.skydiver.dynamics import (
     state_derivative,
 )
 from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, build_model, posture_row
-from skydiver_utc.plants.skydiver.prediction import skydiver_step
 
 SCENARIO = load_scenario("fast_turn_unknown_dynamics")
 MODEL = build_model(SCENARIO.plant, SCENARIO.dt_s)
@@ -50,7 +49,7 @@ def test_dynamics_and_step_at_random_states_and_postures(seed):
     found = derivative(MODEL)(reduced(state), control, geometry(MODEL)(control[3]))
     scale = np.abs(expected).max()
     np.testing.assert_allclose(np.array(found).ravel(), reduced(expected), atol=1e-9 * scale)
-    skydiver_step(state, control, model, expected)
+    step_of(model)(state, control, expected)
     found = step(MODEL)(reduced(state), control, MODEL.dt)
     np.testing.assert_allclose(np.array(found).ravel(), reduced(expected), atol=1e-9)
 

@@ -20,7 +20,7 @@ SOAK = Path(__file__).resolve().parents[2] / "benchmarks" / "soak.py"
 def test_a_short_soak_misses_nothing_and_accounts_for_every_step() -> None:
     with reserved_domain() as domain:
         done = subprocess.run(
-            [sys.executable, str(SOAK), "--lockstep-s", "4", "--real-time-s", "4"],
+            [sys.executable, str(SOAK), "--lockstep-s", "0", "--real-time-s", "4"],
             env=os.environ | {"ROS_DOMAIN_ID": str(domain)},
             capture_output=True,
             text=True,
@@ -31,11 +31,9 @@ def test_a_short_soak_misses_nothing_and_accounts_for_every_step() -> None:
     assert found["bars"] == bars(found)
     assert done.returncode == (not all(found["bars"].values()))
     # Four seconds tell nothing of growth, and on a busy machine nothing of lateness.
-    for name in ("lockstep: completed", "lockstep: no message missing in the bag"):
-        assert found["bars"][name], found
     assert found["bars"]["real_time: no message missing in the bag"], found
-    lockstep, real_time = found["lockstep"], found["real_time"]
-    assert lockstep["states"] == real_time["states"] == 954
+    real_time = found["real_time"]
+    assert real_time["states"] == 954
     account = real_time["real_time"]
     assert sum(account[name] for name in ("on_time", "late", "stale", "lost")) == account["steps"] == 953
     # Never faster than the clock: the first command begins the time, the last step ends it.

@@ -1,16 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `skydiver-utc run` decides before it starts a node: names, folders, and the environment of the nodes."""
 
+import json
 from pathlib import Path
+from typing import Any
 
 import pytest
+from command_line import invoke
 from own_slots import cart_file
+from recordings import write_run
+from runs import CART, random_run
 
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.planned_runs import planned_runs
 from skydiver_utc.cli.ros_environment import free_domain, node_environment
 from skydiver_utc.nodes.discovery import PROFILE, RANGE
-from skydiver_utc.parameters import ParameterError
+from skydiver_utc.parameters import ParameterError, load_scenario
 from skydiver_utc.parameters.run_folder import new_run_folder
 
 
@@ -23,6 +28,53 @@ def test_runs_are_named_and_have_a_folder_each(tmp_path: Path, monkeypatch: pyte
         ("skydiver", "slow_turn_pose_only", tmp_path / "run" / "skydiver", None),
         ("b", "cart", tmp_path / "run" / "b", tmp_path),
     ]
+
+
+class NodesThatFly:
+    """In the place of the nodes of a run: the recorder leaves a recording, the plant reports an outcome."""
+
+    def __init__(self, environment: Any, log_folder: Path, name: str, *_: object) -> None:
+        self._name = name
+
+    def start(self, kind: str, parameters: dict[str, Any]) -> None:
+        if kind == "recorder":
+            run = random_run(load_scenario(parameters["scenario"]), steps=5)
+            write_run(Path(parameters["out"]), run, namespaces=(f"/{self._name}",), run_id=self._name)
+
+    def reports(self) -> list[dict[str, Any]]:
+        return [{"outcome": "completed"}]
+
+    def failed(self, *_: str) -> None:
+        return None
+
+    def ended(self, _: str) -> bool:
+        return True
+
+    def end(self) -> None:
+        pass
+
+    def __enter__(self) -> "NodesThatFly":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
+def test_of_several_runs_one_object_has_the_metrics_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("skydiver_utc.cli.run.NodeProcesses", NodesThatFly)
+    (tmp_path / "cart.yaml").write_text(CART, encoding="utf-8")
+    cart, folder = tmp_path / "cart.yaml", tmp_path / "run"
+    result = invoke("run", f"anna={cart}", cart, "--out", folder, "--json", "--quiet")
+    assert result.exit_code == 0, result.output
+    values = json.loads(result.stdout)
+    assert {name: metrics["run_id"] for name, metrics in values.items()} == {
+        "anna": "anna",
+        "skydiver_2": "skydiver_2",
+    }
+    for name, metrics in values.items():
+        assert json.loads((folder / name / "metrics.json").read_text(encoding="utf-8")) == metrics
 
 
 def test_two_runs_of_one_name_and_a_folder_that_exists_are_refused(tmp_path: Path) -> None:

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the quick start compiles: nothing with a plant of plain Python, and nothing again in the next process."""
+"""What the quick start compiles with a plant of plain Python: nothing."""
 
 import os
 import subprocess
 import sys
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).parents[2]
 COUNT = """
@@ -45,10 +43,3 @@ def compilations(path: str, **environment: str) -> int:
 def test_a_plain_plant_compiles_nothing(tmp_path):
     path = quick_start(tmp_path, *PLAIN)
     assert compilations(path, NUMBA_CACHE_DIR=str(tmp_path / "empty")) == 0
-
-
-@pytest.mark.long
-def test_a_jitted_plant_compiles_nothing_in_the_next_process(tmp_path):
-    path = quick_start(tmp_path)
-    assert compilations(path) > 0
-    assert compilations(path) == 0

@@ -8,7 +8,10 @@ from scipy.spatial.transform import Rotation
 from skydiver_utc.body.posture import configuration, pattern_direction, posture_angles
 from skydiver_utc.body.segments import build_body
 from skydiver_utc.parameters import load_scenario
+from skydiver_utc.plants.protocol import Model
+from skydiver_utc.plants.skydiver.dynamics import STATE_SIZE
 from skydiver_utc.plants.skydiver.model import build_model
+from skydiver_utc.plants.skydiver.prediction import named_outputs, skydiver_step
 
 
 def skydiver(name="bank_recovery", **plant):
@@ -18,6 +21,11 @@ def skydiver(name="bank_recovery", **plant):
 
 def model_of(scenario):
     return build_model(scenario.plant, scenario.dt_s)
+
+
+def step_of(model):
+    """A step (state, control (4,), out) of the skydiver with these numbers, by the program that the plant flies."""
+    return Model(skydiver_step, named_outputs, model, STATE_SIZE).bound(4, 4).step
 
 
 def joint_angles(scenario, alpha=0.0):

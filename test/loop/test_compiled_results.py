@@ -8,8 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from runs import CART
 
 import skydiver_utc
+from skydiver_utc.parameters.loading import config_folder
 
 PACKAGE = Path(skydiver_utc.__file__).parent
 pytestmark = pytest.mark.long
@@ -23,7 +25,7 @@ from numba import njit
 def plant(x, u, dt):
     return np.array([x[0] + dt * x[1], x[1] + dt * (u[0] - 9.0 * np.sin(x[0]) - 0.1 * x[1])])
 
-@njit(cache=True)
+@njit
 def output(x):
     return x[0] + 0.1 * x[1]
 """
@@ -94,13 +96,17 @@ def test_fresh_and_cached_kernels_give_the_same_bits_and_a_compilation_is_said_o
 
 def test_where_nothing_can_be_written_it_runs_uncached(tmp_path):
     """A file in the place of every folder for compiled code keeps root out, too."""
-    folder = own_folder(tmp_path / "own", PLANT.replace("(cache=True)", ""))
+    scenario = tmp_path / "cart.yaml"
+    scenario.write_text(CART.replace("{place: 2.0, speed: 0.0}", "{force: 1.0}"))  # open loop
     package = tmp_path / "package" / "skydiver_utc"
     shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
-    for place in (folder, *(path for path in package.rglob("") if path.is_dir())):
+    (package.parent / "config").symlink_to(config_folder())
+    for place in (path for path in package.rglob("") if path.is_dir()):
         (place / "__pycache__").touch()
     nowhere = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "IPYTHONDIR"), "/dev/null/cache")
-    _, compiled, said = run(package.parent, folder, **nowhere)
-    assert "skydiver_utc.controllers.roll_out.roll_out" in compiled
-    assert said == 1
+    command = [sys.executable, "-m", "skydiver_utc", "simulate", str(scenario)]
+    environment = {**os.environ, "PYTHONPATH": str(package.parent)} | nowhere
+    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("compiling") == 1
     assert not list(tmp_path.rglob("*.nb?"))

@@ -13,12 +13,12 @@ from skydivers import (
     random_control,
     random_state,
     skydiver,
+    step_of,
 )
 
 from skydiver_utc.body.segments import build_body
 from skydiver_utc.plants.skydiver.dynamics import invert_inertia, state_derivative
 from skydiver_utc.plants.skydiver.model import held_row
-from skydiver_utc.plants.skydiver.prediction import skydiver_step
 
 pinocchio = pytest.importorskip("pinocchio", reason="needs the wheel `pin`")
 
@@ -81,8 +81,8 @@ def test_trajectory_agrees(name):
     start = np.array([0.0, 0.0, 0.0, 0.1, -0.2, 0.3, 0.0, 5.0, -3.0, -55.0, 0.5, -0.4, 2.0])
     start[6] = np.sqrt(1.0 - start[3:6] @ start[3:6])
     expected = solve_ivp(derivative, (0.0, 1.0), start, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
-    model = MODELS[name]._replace(dt=5e-5)
+    step = step_of(MODELS[name]._replace(dt=5e-5))
     state = start.copy()
     for _ in range(20_000):
-        skydiver_step(state, control, model, state)
+        step(state, control, state)
     np.testing.assert_allclose(state, expected, rtol=1e-8, atol=1e-8)

@@ -15,6 +15,7 @@ from skydivers import (
     random_control,
     random_state,
     skydiver,
+    step_of,
 )
 
 from skydiver_utc.body.movement import movement
@@ -26,7 +27,6 @@ from skydiver_utc.plants.skydiver.dynamics import (
     state_derivative,
 )
 from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, INERTIA_AT, held_row, posture_row
-from skydiver_utc.plants.skydiver.prediction import skydiver_step
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 
 SCENARIO = skydiver("fast_turn_unknown_dynamics")
@@ -61,7 +61,7 @@ def test_step_equals_transcription_with_tabulated_posture(seed):
     rng = np.random.default_rng(100 + seed)
     state, control = random_state(rng), random_control(rng, SCENARIO)
     following = np.empty(13)
-    skydiver_step(state, control, MODEL, following)
+    step_of(MODEL)(state, control, following)
     posture = oracle_posture(SCENARIO, joint_angles(SCENARIO, control[3]))
     constants = oracle_constants(SCENARIO)
     expected = oracle.rk4(
@@ -95,19 +95,19 @@ def test_momentum_and_energy_are_kept_without_air_and_gravity():
         energy = 0.5 * BODY.total_mass * x[7:10] @ x[7:10] + 0.5 * x[10:13] @ spin
         return np.concatenate([BODY.total_mass * world @ x[7:10], world @ spin, [energy]])
 
-    before = invariants(state)
+    before, step = invariants(state), step_of(model)
     for _ in range(20_000):
-        skydiver_step(state, control, model, state)
+        step(state, control, state)
     np.testing.assert_allclose(invariants(state), before, rtol=1e-9)
 
 
 def test_free_fall_in_vacuum_is_a_parabola():
-    model = MODEL._replace(half_density=0.0, hand_force=0.0)
+    step = step_of(MODEL._replace(half_density=0.0, hand_force=0.0))
     state = np.zeros(13)
     state[6], state[7] = 1.0, 20.0
     for _ in range(1000):
-        skydiver_step(state, np.zeros(4), model, state)
-    t = 1000 * model.dt
+        step(state, np.zeros(4), state)
+    t = 1000 * MODEL.dt
     np.testing.assert_allclose(state[:3], [20.0 * t, 0.0, -0.5 * 9.80665 * t * t], rtol=1e-12, atol=1e-9)
 
 
@@ -119,9 +119,9 @@ def test_integration_against_an_independent_integrator():
     start[6], start[9] = 1.0, -58.0
     options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-11}
     solution = solve_ivp(lambda _, x: derivative(x), (0.0, 500 * MODEL.dt), start, **options)
-    state = start.copy()
+    state, step = start.copy(), step_of(MODEL)
     for _ in range(500):
-        skydiver_step(state, control, MODEL, state)
+        step(state, control, state)
     np.testing.assert_allclose(state, solution.y[:, -1], rtol=2e-4, atol=2e-4)
 
 

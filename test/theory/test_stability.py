@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 from command_line import invoke
+from skydivers import step_of
 
 import skydiver_utc.loop.linear_loop as linear_loop
 from skydiver_utc.controllers.utc.settings import UtcSettings
@@ -18,7 +19,6 @@ from skydiver_utc.plants.linear import LinearModel
 from skydiver_utc.plants.skydiver.dynamics import STATE_SIZE
 from skydiver_utc.plants.skydiver.linearise import velocity_axes
 from skydiver_utc.plants.skydiver.model import build_model
-from skydiver_utc.plants.skydiver.prediction import skydiver_step
 from skydiver_utc.plants.skydiver.steady import HeldBody, steady_turn, straight_falls
 from skydiver_utc.rotations import attitude_with_up
 from skydiver_utc.studies.linear_theory import of_linear_plant, of_skydiver, report
@@ -119,7 +119,7 @@ def state_of(fall):
 
 def after_a_step(model, state, control):
     following = np.empty(STATE_SIZE)
-    skydiver_step(state, control, model, following)
+    step_of(model)(state, control, following)
     return following
 
 

@@ -14,11 +14,12 @@ from pathlib import Path
 import own_slots
 import pytest
 from child_processes import children
-from command_line import PATIENCE_S, call, start
+from command_line import PATIENCE_S, call, invoke, start
 from own_slots import CART, cart_file
 from recorded import Bag, assert_complete, assert_equals_simulation
 
 from skydiver_utc.cli.node_processes import NODE_CODE, PACKAGE_FOLDER
+from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.recording.metadata import message_count
 from skydiver_utc.recording.recovery import recover
 
@@ -85,27 +86,6 @@ def test_a_run_with_a_plant_of_ones_own_is_the_simulated_one(command: Command, t
     assert_equals_simulation(Bag(folder))
 
 
-def test_several_runs_side_by_side_have_their_own_namespace_clock_and_folder(
-    command: Command, tmp_path: Path
-) -> None:
-    other = tmp_path / "scenarios" / "slower.yaml"
-    other.write_text(CART.replace("dt_s: 0.01", "dt_s: 0.02"), encoding="utf-8")
-    folder = tmp_path / "run"
-    code, stdout, stderr = command.run(
-        "run", f"anna={command.cart}", str(other), "--out", str(folder), "--json"
-    )
-    assert code == 0, stderr
-    values = json.loads(stdout)
-    assert list(values) == ["anna", "skydiver_2"]
-    for name, metrics in values.items():
-        assert json.loads((folder / name / "metrics.json").read_text(encoding="utf-8")) == metrics
-        bag = Bag(folder / name, f"/{name}")
-        assert_equals_simulation(bag)
-        listed = (folder / name / "metadata.yaml").read_text()
-        assert f"name: /{name}/clock" in listed
-        assert "name: /clock" not in listed
-
-
 def test_ctrl_c_leaves_a_recording_that_can_be_analysed(command: Command, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     process = command.start_long_run(command.cart, folder=folder)
@@ -116,10 +96,7 @@ def test_ctrl_c_leaves_a_recording_that_can_be_analysed(command: Command, tmp_pa
     assert f"skydiver-utc analyse {folder}" in stderr
     assert "Traceback" not in stderr
     assert Bag(folder).outcome()["outcome"] == "aborted"
-    code, _, stderr = command.run(
-        "analyse", str(folder), PYTHONPATH=f"{PACKAGE_FOLDER}:{tmp_path / 'scenarios'}"
-    )
-    assert code == 0, stderr
+    assert invoke("analyse", folder).exit_code == 0
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
@@ -137,16 +114,24 @@ def test_nodes_end_with_a_run_that_is_killed(command: Command, tmp_path: Path) -
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
-def test_the_failure_of_one_of_two_runs_names_its_node_and_both_recordings(
+def test_of_two_runs_each_has_its_namespace_clock_and_folder_and_a_failure_names_its_node_and_both(
     command: Command, tmp_path: Path
 ) -> None:
-    folder = tmp_path / "run"
-    process = command.start_long_run(f"a={command.cart}", f"b={command.cart}", folder=folder)
+    folder, other = tmp_path / "run", tmp_path / "scenarios" / "slower.yaml"
+    other.write_text(CART.replace("dt_s: 0.01", "dt_s: 0.02"), encoding="utf-8")
+    process = command.start_long_run(f"a={command.cart}", f"b={other}", folder=folder)
     os.kill(command.node_of(process, "controller", "b"), signal.SIGKILL)
     _, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
     for word in ("controller", " b ", "SIGKILL", str(folder / "a"), str(folder / "b")):
         assert word in stderr, word
+    for name in ("a", "b"):
+        bag = Bag(folder / name, f"/{name}")
+        states = bag.states()
+        assert states.tobytes() == simulate(bag.scenario).states[: len(states)].tobytes()
+        listed = (folder / name / "metadata.yaml").read_text()
+        assert f"name: /{name}/clock" in listed
+        assert "name: /clock" not in listed
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from ros_fixtures import Processes, Ros, overrides
 
+from skydiver_utc.messages import read_outcome
 from skydiver_utc.nodes import topics
 
 pytest_plugins = ("ros_fixtures",)
@@ -46,7 +47,8 @@ def test_a_plant_of_ones_own(processes: Processes) -> None:
 
 def test_a_stick_of_ones_own(ros: Ros, processes: Processes) -> None:
     scenario = {"scenario": str(EXAMPLES / "own_node" / "stick.yaml")}
-    setpoints = ros.partner().receive(topics.SETPOINT)
+    partner = ros.partner()
+    setpoints, outcomes = partner.receive(topics.SETPOINT), partner.receive(topics.OUTCOME)
     processes.python("script", str(EXAMPLES / "own_node/stick.py"), "1.5")
     for kind in ("reference", "controller"):
         processes.start(kind, scenario)
@@ -56,6 +58,8 @@ def test_a_stick_of_ones_own(ros: Ros, processes: Processes) -> None:
     assert list(setpoints[-1].name) == ["yaw_rate"]
     plant.signal(signal.SIGTERM)
     assert plant.wait() == 0
+    ros.spin_until(lambda: outcomes)
+    assert read_outcome(outcomes[-1].data)["outcome"] == "aborted"
 
 
 def test_a_real_vehicle_follows_the_reference(ros: Ros, processes: Processes) -> None:
