@@ -72,7 +72,7 @@ lowest:
 	rm -rf build/lib build/lowest
 	$(LOWEST_PYTHON) -m venv build/lowest
 	sed -n '/install_requires/,/]/s/.*"\(.*\)>=\(.*\)",/\1==\2/p' setup.py >build/lowest/versions.txt
-	build/lowest/bin/python -m pip install --quiet --disable-pip-version-check 'pip>=24' 'setuptools>=77'
+	build/lowest/bin/python -m pip install --quiet --no-compile --disable-pip-version-check 'pip>=24' 'setuptools>=77'
 	build/lowest/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation \
 	  -c build/lowest/versions.txt '.[ros]' hypothesis ipykernel mcap-ros2-support nbclient pytest pytest-xdist
 	ROS_PYTHON_CHECK_FIELDS=1 build/lowest/bin/pytest -n auto --maxprocesses 4 --dist worksteal -m 'not long and not processes' $(ARGS)
@@ -145,8 +145,8 @@ $(VENV)/bin/python:
 $(STAMP): | $(VENV)/bin/python
 	@echo "Installing skydiver_utc into $(VENV); the first time takes some minutes."
 	rm -rf build/lib build/bdist.*
-	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check 'pip>=24' 'setuptools>=77'
-	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-build-isolation '.[ros,test,dev]'
+	$(VENV)/bin/python -m pip install --quiet --no-compile --disable-pip-version-check 'pip>=24' 'setuptools>=77'
+	$(VENV)/bin/python -m pip install --quiet --no-compile --disable-pip-version-check --no-build-isolation '.[ros,test,dev]'
 	@echo "Compiling the model, once for each installation."
 	$(VENV)/bin/skydiver-utc simulate fast_turn_unknown_dynamics --set duration_s=0.1 --quiet --json >/dev/null
 	rm -f $(VENV)/installed-*
