@@ -130,7 +130,7 @@ def test_what_was_not_recorded_is_the_scenario_s_posture(tmp_path):
     [
         (neutral() + np.deg2rad(0.09) * np.random.default_rng(1).random((4, 45)), [], "do not move"),
         (two_patterns()[0], ["--component", "4"], "move along 3 directions"),
-        (two_patterns()[0], ["--component", "0"], "from 1 to 3"),
+        (two_patterns()[0], ["--component", "0"], "--component"),
         (two_patterns()[0], ["--out", "pattern.txt"], "must end in .yaml"),
         (two_patterns()[0], ["--mean", "nowhere/mean.yaml"], "a folder that exists"),
     ],
