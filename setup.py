@@ -32,7 +32,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.10",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed"]},
+    package_data={NAME: ["py.typed", "view/report.*"]},
     install_requires=[
         "click>=8.1.6",
         "cmaes>=0.10",
@@ -53,6 +53,7 @@ setup(
     extras_require={
         # A ROS 2 installation brings its own; without one these are the same rclpy and messages as wheels.
         "ros": ["ros-jazzy-common-interfaces", "ros-jazzy-rclpy[fastrtps]"],
+        "parquet": ["pyarrow>=15"],
         "test": [
             "click>=8.2",
             "hypothesis>=6.98",
@@ -61,6 +62,7 @@ setup(
             "nbclient>=0.10",
             "pin>=3.0",
             "playwright>=1.49",
+            "pyarrow>=15",
             "pytest>=9",
             "pytest-xdist>=3.4",
             "yeadon>=2.0.1",

@@ -39,6 +39,9 @@ _STYLE: dict[Any, Any] = {
     "legend.fontsize": 9.0,
 }
 
+# What a file would say of the program or of the time, by its form.
+_STAMP = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}
+
 
 @contextmanager
 def house_style() -> Iterator[None]:
@@ -57,12 +60,18 @@ def empty_figure(width: float, height: float) -> Figure:
 
 
 def png(figure: Figure) -> bytes:
-    """A PNG of 150 pixels per inch whose bytes depend on the figure and matplotlib's version only."""
+    """The figure as PNG."""
+    return picture(figure, "png")
+
+
+def picture(figure: Figure, form: str) -> bytes:
+    """The figure as png (150 pixels per inch), svg or pdf; its bytes depend on it and on matplotlib's version only."""
     buffer = BytesIO()
     with matplotlib.rc_context(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")  # a title may have characters that the font has not: boxes
         matplotlib.rcdefaults()
-        figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None})
+        matplotlib.rcParams["svg.hashsalt"] = "skydiver_utc"
+        figure.savefig(buffer, format=form, dpi=150, metadata={_STAMP[form]: None})
     return buffer.getvalue()
 
 

@@ -11,13 +11,13 @@ from skydiver_utc.analysis.figures import tracking_figure
 from skydiver_utc.analysis.labels import reference_added
 from skydiver_utc.analysis.metrics import metrics, to_json
 from skydiver_utc.analysis.recorded_run import RecordedRun
-from skydiver_utc.analysis.report import report_html
 from skydiver_utc.analysis.style import png
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.screen import show_metrics
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters.files import write_file
 from skydiver_utc.parameters.run_folder import FIGURE_FILE, METRICS_FILE, REPORT_FILE, VERSIONS_FILE, text_of
+from skydiver_utc.view.report import Flown, report_html
 
 
 def analyse(folder: Path, as_json: bool) -> Run:
@@ -41,7 +41,19 @@ def print_analysis(folder: Path, as_json: bool) -> None:
 
 
 def examine(folder: Path) -> tuple[Run, dict[str, Any]]:
-    """Read the run and write its metrics, figure and report beside the bag; the run and its metrics.
+    """Read the run and write its metrics, figure and report beside the bag; the run and its metrics."""
+    flown = read(folder)
+    for name, content in (
+        (METRICS_FILE, to_json(flown.metrics) + "\n"),
+        (FIGURE_FILE, png(tracking_figure(flown.run))),
+        (REPORT_FILE, report_html([flown])),
+    ):
+        write_file(folder / name, content)
+    return flown.run, flown.metrics
+
+
+def read(folder: Path) -> Flown:
+    """The run of a folder, named as its scenario, with its metrics and versions.
 
     Metrics of a recording have three more: `run_id`; `ignored_messages`, by topic, without a step of the run or
     unreadable; `reference_steps_not_recorded`, which are those of the recorded scenario.
@@ -56,15 +68,7 @@ def examine(folder: Path) -> tuple[Run, dict[str, Any]]:
         "ignored_messages": dict(recording.ignored),
         "reference_steps_not_recorded": recording.reference_added,
     }
-    figure = png(tracking_figure(run))
-    report = report_html(run, values, figure, _versions(folder / VERSIONS_FILE))
-    for name, content in (
-        (METRICS_FILE, to_json(values) + "\n"),
-        (FIGURE_FILE, figure),
-        (REPORT_FILE, report),
-    ):
-        write_file(folder / name, content)
-    return run, values
+    return Flown(run.scenario.name, run, values, _versions(folder / VERSIONS_FILE))
 
 
 def _versions(path: Path) -> dict[str, str]:

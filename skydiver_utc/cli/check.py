@@ -11,7 +11,7 @@ from skydiver_utc.analysis.labels import reference_added
 from skydiver_utc.analysis.metrics import to_json
 from skydiver_utc.analysis.recorded_run import RecordedRun
 from skydiver_utc.cli.errors import CommandError
-from skydiver_utc.cli.outputs import check_figure_path
+from skydiver_utc.cli.outputs import check_figure_path, form_of
 from skydiver_utc.cli.screen import show_lines, show_tables, table
 from skydiver_utc.cli.settings import parse_setting
 from skydiver_utc.parameters import Scenario, load_scenario, override
@@ -37,9 +37,9 @@ def check(
         _show(values)
     if figure is not None:
         from skydiver_utc.analysis.check_figure import check_figure
-        from skydiver_utc.analysis.style import png
+        from skydiver_utc.analysis.style import picture
 
-        write_file(figure, png(check_figure(found, name)))
+        write_file(figure, picture(check_figure(found, name), form_of(figure)))
     return 0 if found.equal else FAILED
 
 

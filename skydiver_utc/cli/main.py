@@ -194,7 +194,7 @@ def urdf(**options: Any) -> None:
 @main.command(epilog=_EXIT_CODES, short_help="Run SCENARIO in this process, without ROS.")
 @_scenario
 @_settings
-@click.option("--figure", type=_PATH, metavar="FILE.png", help="Draw the run into this file.")
+@click.option("--figure", type=_PATH, metavar="FILE.png", help="Draw the run into this PNG, SVG or PDF file.")
 @_json
 @_quiet
 def simulate(**options: Any) -> None:
@@ -236,6 +236,47 @@ def analyse(**options: Any) -> None:
     _run("analyse", "print_analysis", **options)
 
 
+@main.command(short_help="Make the report of a run, or compare several.")
+@click.argument("folders", metavar="RUN...", nargs=-1, required=True, type=_PATH)
+@click.option("--out", type=_PATH, metavar="FILE.html", help="Write the page here instead of to report.html of"
+              " the one RUN, or to comparison.html of several.")  # fmt: skip
+def report(**options: Any) -> None:
+    """Make the page of the recorded run RUN again, or one that compares several.
+
+    The page is one file that opens offline: metrics, charts with one cursor, the body in 3-D, scenario and versions.
+    """
+    _run("report", "report", **options)
+
+
+@main.command(short_help="Write a run as CSV, NPZ or Parquet, or its figure.")
+@_run_folder
+@click.option("--csv", "forms", flag_value="csv", multiple=True, help="Every step, one row each: run.csv.")
+@click.option("--npz", "forms", flag_value="npz", multiple=True, help="The same as NumPy arrays: run.npz.")
+@click.option(
+    "--parquet",
+    "forms",
+    flag_value="parquet",
+    multiple=True,
+    help="The same as Parquet: run.parquet; needs the extra `parquet`.",
+)
+@click.option("--png", "forms", flag_value="png", multiple=True, help="The figure: tracking.png.")
+@click.option("--svg", "forms", flag_value="svg", multiple=True, help="The figure as SVG.")
+@click.option("--pdf", "forms", flag_value="pdf", multiple=True, help="The figure as PDF.")
+@click.option(
+    "--out",
+    type=_PATH,
+    metavar="FOLDER",
+    help="Write into this folder, made if missing, instead of into RUN.",
+)
+def export(**options: Any) -> None:
+    """Write the recorded run RUN for other programs; several forms at once, if wanted.
+
+    Columns are time_s, and by their topic and name state/.., command/.., applied_command/.., reference/.., output/..,
+    telemetry/.., solve_time_s and status, in SI units and radians; NaN where a step has no value.
+    """
+    _run("export", "export", **options)
+
+
 @main.command(short_help="Complete a recording that was cut short or damaged.")
 @_run_folder
 @click.option("--out", type=_PATH, metavar="FOLDER", help="The new folder, instead of RUN_recovered.")
@@ -267,7 +308,10 @@ def recover(**options: Any) -> None:
 )
 @_settings
 @click.option(
-    "--figure", type=_PATH, metavar="FILE.png", help="With --check: draw both commands into this file."
+    "--figure",
+    type=_PATH,
+    metavar="FILE.png",
+    help="With --check: draw both commands into this PNG, SVG or PDF file.",
 )
 @_json
 @_quiet

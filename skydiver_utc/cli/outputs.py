@@ -8,6 +8,8 @@ from skydiver_utc.parameters import Parameters
 from skydiver_utc.parameters.files import write_file
 from skydiver_utc.parameters.yaml_io import write_yaml
 
+FORMS = ("png", "svg", "pdf")  # of figures, see `skydiver_utc.analysis.style.picture`
+
 
 def prepare_folder(folder: Path | None) -> None:
     """Make the folder, if one is given."""
@@ -22,12 +24,17 @@ def check_figure_path(path: Path | None) -> None:
     """Refuse a figure that could not be written."""
     if path is None:
         return
-    if path.suffix.lower() != ".png":
-        raise CommandError(f"--figure {path} is no PNG file: let its name end in .png")
+    if form_of(path) not in FORMS:
+        raise CommandError(f"--figure {path} is none of {', '.join(FORMS)}: let its name end in one of them")
     if not path.parent.is_dir():
         raise CommandError(
             f"there is no folder {path.parent} for the figure {path.name}: make it, or choose another"
         )
+
+
+def form_of(figure: Path) -> str:
+    """The form of a figure by the ending of its name."""
+    return figure.suffix.lower().removeprefix(".")
 
 
 def name_of(out: Path | None, default: str, force: bool) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from skydiver_utc.analysis.metrics import metrics, to_json
-from skydiver_utc.cli.outputs import check_figure_path
+from skydiver_utc.cli.outputs import check_figure_path, form_of
 from skydiver_utc.cli.screen import run_progress, show_metrics
 from skydiver_utc.cli.settings import load
 from skydiver_utc.loop.closed_loop import simulate as run_scenario
@@ -29,9 +29,9 @@ def simulate(scenario: str, settings: Sequence[str], figure: Path | None, as_jso
     if figure is not None:
         # matplotlib is imported only for a figure.
         from skydiver_utc.analysis.figures import tracking_figure
-        from skydiver_utc.analysis.style import png
+        from skydiver_utc.analysis.style import picture
 
-        write_file(figure, png(tracking_figure(run)))
+        write_file(figure, picture(tracking_figure(run), form_of(figure)))
     return exit_code(run)
 
 

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The shapes of a plant in a viser scene."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
+from io import StringIO
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,14 +12,29 @@ from numpy.typing import NDArray
 from skydiver_utc.plants.protocol import Plant
 
 if TYPE_CHECKING:  # it is imported only where a body is shown
-    from viser import SceneApi
+    from viser import SceneApi, ViserServer
 
 Floats = NDArray[np.float64]
 Colour = tuple[int, int, int]
 
 # Okabe and Ito's: told apart with every common colour vision. Left and right show which way a body turns.
 LEFT, RIGHT, MIDDLE = (0, 114, 178), (230, 159, 0), (150, 158, 166)
+RUNS: tuple[Colour, ...] = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (170, 68, 153))
 _POINTS = 24  # of the unit sphere around its equator
+
+
+@contextmanager
+def scene_server(port: int = 0) -> "Iterator[ViserServer]":
+    """A viser server on this machine's loopback only, without its own messages; port 0: any free one."""
+    from viser import ViserServer
+
+    with redirect_stdout(StringIO()):
+        server = ViserServer(host="127.0.0.1", port=port, verbose=False)
+    try:
+        yield server
+    finally:
+        with redirect_stdout(StringIO()):
+            server.stop()
 
 
 def light(scene: "SceneApi") -> None:

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figure of a run, its report, and that both can be made of every run."""
+"""The figure of a run, and that it can be made of every run."""
 
-from html.parser import HTMLParser
 from io import BytesIO
 from typing import Any
 
@@ -13,12 +12,9 @@ from matplotlib.image import imread
 from runs import cart, rotation, run_of, skydiver
 
 from skydiver_utc.analysis.figures import tracking_figure
-from skydiver_utc.analysis.metrics import metrics
-from skydiver_utc.analysis.report import report_html
 from skydiver_utc.analysis.style import png
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
-from skydiver_utc.parameters import to_yaml
 
 POINTS = {"kind": "points", "output": "alpha", "points": [[0.0, 0.0], [1.0, 0.5]]}
 
@@ -109,36 +105,3 @@ def test_equal_runs_give_equal_files_whatever_the_user_has_set() -> None:
     with matplotlib.rc_context({"font.size": 30, "savefig.dpi": 10, "axes.grid": False}):
         assert png(tracking_figure(run_of())) == plain
         assert matplotlib.rcParams["font.size"] == 30
-
-
-class Page(HTMLParser):
-    """The text of a page, its tags, and where they point to."""
-
-    def __init__(self, run: Run, **versions: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.sources: list[str] = []
-        self.texts: list[str] = []
-        self.feed(report_html(run, metrics(run), b"picture", versions))
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.sources += [value or "" for name, value in attrs if name in ("src", "href")]
-
-    def handle_data(self, data: str) -> None:
-        self.texts.append(data)
-
-
-def test_a_report_is_one_file() -> None:
-    page = Page(run_of(103.0), numpy="2.4.6")
-    for part in ("Synthetic run", "completed", "yaw rate: RMSE from 2 s on", "3", "numpy", "2.4.6"):
-        assert part in page.texts
-    assert to_yaml(skydiver()) in page.texts
-    assert page.sources == ["data:image/png;base64,cGljdHVyZQ=="]
-
-
-@pytest.mark.parametrize("field", ["title", "description"])
-def test_a_scenario_cannot_write_html(field: str) -> None:
-    page = Page(run_of(scenario=skydiver(**{field: "<script>alert($png)</script>"})))
-    assert "script" not in page.tags
-    assert "<script>alert($png)</script>" in page.texts

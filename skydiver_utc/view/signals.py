@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The signals of a run as the curves of a report, by chart and section."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.analysis.metrics import CONVERGED_SHARE
+from skydiver_utc.analysis.units import shown
+from skydiver_utc.loop.run import Run
+
+Floats = NDArray[np.float64]
+_BUCKETS = 1000  # of a curve, each with its smallest and its largest value
+_LARGEST = 1e30  # of an axis
+_DEVIATION = "std_"
+
+
+class Signal(NamedTuple):
+    """A curve of a chart: one value (K or K+1,) for each step.
+
+    role: value, reference, command, or band (`values` then with the lower and upper edge, (2, K)); held: the value
+    stays until the next step
+    """
+
+    section: str
+    chart: str
+    unit: str
+    name: str
+    values: Floats
+    role: str = "value"
+    held: bool = False
+    limits: tuple[float, float] | None = None
+
+
+def signals(run: Run) -> list[Signal]:
+    """All signals of a run; of the controller's telemetry those that are not zero throughout."""
+    body = _motion(run) if run.plant.state_message == "odometry" else _states(run)
+    told = [one for one in _calls(run) if np.nan_to_num(one.values).any()]
+    return [*_tracked(run), *_controls(run), *body, *told]
+
+
+def silent(run: Run) -> list[str]:
+    """Telemetry that `signals` leaves out: zero throughout."""
+    return [
+        name
+        for name, column in zip(run.telemetry_names, run.telemetry.T, strict=True)
+        if not (column.any() or name.startswith(_DEVIATION))
+    ]
+
+
+def _tracked(run: Run) -> Iterator[Signal]:
+    for j, name in enumerate(run.tracked_names):
+        scale = shown(run.plant, name)
+        if run.error is None:  # the reference is of a control
+            continue
+        chart, error = scale.name, scale.factor * run.error[:, j]
+        yield Signal(
+            "Tracking", chart, scale.unit, "reference", scale.factor * run.reference[:, j], "reference"
+        )
+        yield Signal("Tracking", chart, scale.unit, scale.name, scale.factor * run.output(name))
+        band = scale.factor * CONVERGED_SHARE * float(run.amplitude[j])
+        limits = (-band, band) if band > 0.0 else None
+        yield Signal("Tracking", f"{chart}: error", scale.unit, "error", error, limits=limits)
+
+
+def _controls(run: Run) -> Iterator[Signal]:
+    plant = run.plant
+    for j, name in enumerate(plant.control_names):
+        scale = shown(plant, name, degrees=False)
+        limits = float(plant.minimum[j]), float(plant.maximum[j])
+        section, command = ("Controls", scale.name, scale.unit), run.commands[:, j]
+        if f"{_DEVIATION}{name}" in run.telemetry_names:
+            deviation = run.telemetry[:, run.telemetry_names.index(f"{_DEVIATION}{name}")]
+            edges = np.stack([command - deviation, command + deviation])
+            yield Signal(*section, "one standard deviation", edges, "band", True)
+        yield Signal(*section, "command", command, "command", True)
+        yield Signal(*section, scale.name, run.applied[:, j], "value", True, limits)
+
+
+def _motion(run: Run) -> Iterator[Signal]:
+    """Of a body with a pose: rates, attitude and speed."""
+    from scipy.spatial.transform import Rotation
+
+    states, valid = run.states, posed(run)
+    for name, column in (("about x, roll", 10), ("about y, pitch", 11), ("about z, yaw", 12)):
+        yield Signal("Body", "body rates", "deg/s", name, np.rad2deg(states[:, column]))
+    attitude = Rotation.from_quat(states[valid, 3:7])
+    angles = np.full((len(states), 3), np.nan)
+    angles[valid] = np.unwrap(np.rad2deg(attitude.as_euler("ZYX")), axis=0, period=360.0)
+    for name, column in (("heading", 0), ("pitch", 1), ("bank", 2)):
+        yield Signal("Body", "attitude", "deg", name, angles[:, column])
+    velocity = np.full((len(states), 3), np.nan)
+    velocity[valid] = attitude.apply(states[valid, 7:10])
+    yield Signal("Body", "speed", "m/s", "downwards", -velocity[:, 2])
+    yield Signal("Body", "speed", "m/s", "horizontal", np.hypot(velocity[:, 0], velocity[:, 1]))
+
+
+def _states(run: Run) -> Iterator[Signal]:
+    """Of any other plant: its states, and outputs that are neither states nor tracked, by unit."""
+    plant = run.plant
+    others = [n for n in plant.output_names if n not in (*plant.state_names, *run.tracked_names)]
+    for name in (*plant.state_names, *others):
+        scale = shown(plant, name)
+        state = name in plant.state_names
+        values = run.states[:, plant.state_names.index(name)] if state else run.output(name)
+        chart = "states" if state else "outputs"
+        yield Signal("Plant", f"{chart} in {scale.unit}", scale.unit, scale.name, scale.factor * values)
+
+
+def _calls(run: Run) -> Iterator[Signal]:
+    """Of the controller: the time of its calls, and what it tells of them."""
+    yield Signal("Controller", "solve time", "us", "solve time", 1e6 * run.solve_time_s)
+    for name, values in zip(run.telemetry_names, run.telemetry.T, strict=True):
+        first, _, rest = name.partition("_")
+        if first in ("predicted", "innovation") and rest in run.plant.output_names:
+            scale = shown(run.plant, rest)
+            yield Signal("Controller", first, scale.unit, scale.name, scale.factor * values, "value", True)
+        elif not name.startswith(_DEVIATION):
+            words = name.replace("_", " ")
+            yield Signal("Controller", words, "1", words, values, "value", True)
+
+
+def posed(run: Run) -> NDArray[np.bool_]:
+    """The rows of a run's states (K+1,) that are numbers, with an attitude where the state has one."""
+    known: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(run.states), axis=1)
+    if run.plant.state_message == "odometry":
+        known &= np.linalg.norm(run.states[:, 3:7], axis=1) > 0.0
+    return known
+
+
+def decimated(values: Floats) -> NDArray[np.int64]:
+    """Indices of the smallest and the largest value of each of at most a thousand equal stretches, in order.
+
+    A stretch without a value keeps its first, so that a hole stays one. values: (K,) or (2, K), of which the lower
+    and the upper row count.
+    """
+    count = values.shape[-1]
+    if count <= 2 * _BUCKETS:
+        return np.arange(count)
+    low, high = values if values.ndim == 2 else (values, values)
+    kept = [0, count - 1]
+    for rows in np.array_split(np.arange(count), _BUCKETS):
+        some = rows[np.isfinite(low[rows])]
+        kept += (
+            [int(some[low[some].argmin()]), int(some[high[some].argmax()])] if len(some) else [int(rows[0])]
+        )
+    return np.unique(kept)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def charts(runs: Sequence[Run], names: Sequence[str]) -> list[dict[str, Any]]:
+    """The charts of one run, or of several over each other, as plain data; curves are arrays.
+
+    Of several runs each signal has a chart of its own with one curve for each run, and the reference of the first.
+    """
+    found: dict[tuple[str, str], dict[str, Any]] = {}
+    alone = len(runs) == 1
+    for number, run in enumerate(runs):
+        of_run = signals(run)
+        curves = Counter(one.chart for one in of_run if one.role == "value")
+        for one in of_run:
+            if not alone and (one.role in ("band", "command") or (one.role == "reference" and number)):
+                continue
+            title = f"{one.chart}: {one.name}" if not alone and curves[one.chart] > 1 else one.chart
+            chart = found.setdefault(
+                (one.section, title),
+                {"section": one.section, "title": title, "unit": one.unit, "limits": None, "curves": []},
+            )
+            chart["limits"] = chart["limits"] or _drawable(one.limits)
+            name = one.name if alone or one.role == "reference" else names[number]
+            chart["curves"].append(_curve(run, one, name, number))
+    return list(found.values())
+
+
+def _curve(run: Run, one: Signal, name: str, number: int) -> dict[str, Any]:
+    values = np.clip(one.values, -_LARGEST, _LARGEST)
+    rows = decimated(values)
+    return {
+        "name": name,
+        "role": one.role,
+        "held": one.held,
+        "run": number,
+        "t": run.time_s[rows],
+        "y": values[..., rows],
+    }
+
+
+def _drawable(limits: tuple[float, float] | None) -> list[float | None] | None:
+    if limits is None or not np.isfinite(limits).any():
+        return None
+    return [value if np.isfinite(value) else None for value in limits]
