@@ -22,7 +22,7 @@ class PlantSteps:
     def __init__(self, scenario: Scenario) -> None:
         self.plant = build_true_plant(scenario)
         self.disturbances = build_disturbances(scenario, self.plant)
-        self._scenario = scenario
+        self._scenario, self._steps = scenario, scenario.steps
         lag_s = scenario.truth.actuator_lag_s
         # Of the way to a held command in one step: the exact solution.
         self._share = -math.expm1(-scenario.dt_s / lag_s) if lag_s else 1.0
@@ -55,7 +55,7 @@ class PlantSteps:
         for disturbance in self.disturbances:
             state = disturbance.state(self.k, state)
         self.state = state
-        return self._monitor.observe(self.k, state) and self.k < self._scenario.steps
+        return self._monitor.observe(self.k, state) and self.k < self._steps
 
     @property
     def control(self) -> Array:

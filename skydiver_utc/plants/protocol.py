@@ -161,8 +161,9 @@ class Plant(ABC):
     def outputs(self, states: Array) -> Array:
         """All outputs (..., L) of states (..., n)."""
         found = np.empty((*states.shape[:-1], len(self.output_names)))
-        for index in np.ndindex(states.shape[:-1]):
-            self.bound_model.outputs(states[index], found[index])
+        rows = zip(states.reshape(-1, states.shape[-1]), found.reshape(-1, found.shape[-1]), strict=True)
+        for state, out in rows:
+            self.bound_model.outputs(state, out)
         return found
 
     def joint_angles(self, applied: Array) -> Array:

@@ -13,14 +13,14 @@ from skydiver_utc.parameters import ParameterError
 from skydiver_utc.plants.skydiver.dynamics import STATE_SIZE
 from skydiver_utc.plants.skydiver.model import PlantModel
 from skydiver_utc.plants.skydiver.steady import SteadyFall, straight_falls
-from skydiver_utc.rotations import attitude_with_up, world_up
+from skydiver_utc.rotations import attitude_with_up, up_components
 
 Array = NDArray[np.float64]
 
 
 def reduced(state: Array) -> Array:
     """The eight states (8,) of a state (13,)."""
-    return np.concatenate([world_up(state)[:2], state[10:13], state[7:10]])
+    return np.concatenate([up_components(*state[3:7].tolist())[:2], state[10:13], state[7:10]])
 
 
 def expanded(z: Array) -> Array:

@@ -22,7 +22,7 @@ from skydiver_utc.plants.skydiver.prediction import named_outputs, skydiver_step
 from skydiver_utc.plants.skydiver.reduced import belly_to_earth, expanded, reduced
 from skydiver_utc.plants.skydiver.segment_forces import segment_forces
 from skydiver_utc.plants.skydiver.table_error import refuse_coarse_table
-from skydiver_utc.rotations import dorsal_axis_height, world_up
+from skydiver_utc.rotations import up_components, world_up
 
 Array = NDArray[np.float64]
 
@@ -175,7 +175,7 @@ class SkydiverPlant(Plant):
 
     def mishap(self, state: Array) -> str:
         """The body rolled over, where the settings say belly to earth."""
-        upright = not self._belly_to_earth or dorsal_axis_height(state) >= 0.0
+        upright = not self._belly_to_earth or up_components(*state[3:7].tolist())[2] >= 0.0
         return "" if upright else "the dorsal axis went below the horizon"
 
 
