@@ -67,6 +67,9 @@ setup(
             "pytest-xdist>=3.4",
             "yeadon>=2.0.1",
         ],
+        # Studies: samplers of sensitivity, and runs as Parquet instead of CSV.
+        "studies": ["pyarrow>=15", "SALib>=1.5"],
+        "dask": ["distributed>=2024.5"],
         # The tool chains of `make bench`; casadi alone is a wheel of 93 MB.
         "bench": ["casadi>=3.6", "do-mpc>=5", "osqp>=1"],
         "dev": ["mypy>=1.11", "ruff>=0.9", "scipy-stubs", "types-PyYAML"],

@@ -10,11 +10,23 @@ from matplotlib.figure import Figure
 from matplotlib.legend_handler import HandlerTuple
 from matplotlib.patches import Patch
 
-from skydiver_utc.analysis.style import BLUE, GREY, ORANGE, VERMILLION, empty_figure, house_style
+from skydiver_utc.analysis.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    VERMILLION,
+    empty_figure,
+    house_style,
+)
 
 _COLOURS = (BLUE, ORANGE)
 _LINES: tuple[Any, ...] = ("-", (0, (4, 1.5)))
 _MARKERS = ("o", "s")
+_CASE_COLOURS = (BLUE, PURPLE, GREY, GREEN, VERMILLION, ORANGE)
+_CASE_MARKERS = ("o", "s", "^", "v", "D", "x")
+_PANELS_IN_ROW = 3
 
 
 class Curve(NamedTuple):
@@ -143,3 +155,47 @@ def _draw_correlations(axes: Axes, clouds: Sequence[Cloud]) -> None:
     axes.set_xticks((-1.0, -0.5, 0.0, 0.5, 1.0))
     axes.set_xlabel("rank correlation of the factor with the RMSE")
     axes.grid(visible=False, axis="y")
+
+
+class Shares(NamedTuple):
+    """Share of successes against one value: by label the values and the shares."""
+
+    label: str
+    logarithmic: bool
+    lines: Mapping[str, tuple[Sequence[float], Sequence[float]]]
+
+
+def success_figure(panels: Sequence[Shares]) -> Figure:
+    """Share of successes [%] against each value, one panel a value, one line a case."""
+    columns = min(len(panels), _PANELS_IN_ROW)
+    rows = -(-len(panels) // columns)
+    cases = list(dict.fromkeys(case for panel in panels for case in panel.lines))
+    with house_style():
+        figure = empty_figure(max(3.2 * columns, 6.4), 2.5 * rows + 0.9)
+        axes = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
+        for at, panel in zip(axes, panels, strict=False):
+            for case, (values, shares) in panel.lines.items():
+                i = cases.index(case)
+                at.plot(
+                    values, 100.0 * np.asarray(shares), color=_CASE_COLOURS[i % len(_CASE_COLOURS)],
+                    marker=_CASE_MARKERS[i % len(_CASE_MARKERS)], markersize=4, label=case,
+                )  # fmt: skip
+            at.set_xlabel(panel.label, parse_math=False)
+            at.set_ylim(-4.0, 104.0)
+            if panel.logarithmic:
+                at.set_xscale("log")
+        for at in axes[len(panels) :]:
+            at.set_visible(False)
+        for at in axes[::columns]:
+            at.set_ylabel("successes [%]")
+        handles = {
+            label: handle
+            for at in axes
+            for handle, label in zip(*at.get_legend_handles_labels(), strict=True)
+        }
+        figure.legend([handles[case] for case in cases], cases, loc="upper center", ncols=min(len(cases), 4))
+        height = 2.5 * rows + 0.9
+        figure.subplots_adjust(
+            left=0.08, right=0.985, bottom=0.5 / height, top=1.0 - 0.75 / height, wspace=0.08, hspace=0.35
+        )
+    return figure

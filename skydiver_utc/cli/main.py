@@ -36,6 +36,13 @@ exit code
     2  the input is wrong: one sentence says why
   130  stopped with Ctrl-C: the same command continues
 """
+_STUDY_EXIT_CODES = """\b
+exit code
+    0  every run ended, whatever its outcome
+    1  some runs failed, or a worker or the scheduler ended: the same command continues
+    2  the input is wrong: one sentence says why, nothing was started
+  130  stopped with Ctrl-C: the same command continues
+"""
 _UNSET = (None, False, ())
 _PATH = click.Path(path_type=Path)
 
@@ -518,6 +525,47 @@ def paper(**options: Any) -> None:
 @main.group()
 def study() -> None:
     """Answer one question with many runs."""
+
+
+@study.command("run", epilog=_STUDY_EXIT_CODES, short_help="Fly the runs of STUDY that are missing.")
+@click.argument("study", metavar="STUDY")
+@click.option(
+    "--out", type=_PATH, metavar="FOLDER", help="The study's folder, instead of studies/ and its name."
+)
+@click.option(
+    "--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Local processes that fly."
+)
+@click.option("--scheduler", metavar="ADDRESS", default="", help="Fly on this Dask cluster instead.")
+@click.option(
+    "--until", type=click.FloatRange(0.0, 1.0, min_open=True), metavar="WIDTH",
+    help="Stop when the 95 % interval of each case's share of successes is this narrow.",
+)  # fmt: skip
+@_quiet
+def study_run(**options: Any) -> None:
+    """Fly the runs of STUDY that its folder does not hold yet, and write the report.
+
+    STUDY is a name below config/studies, or the path of a YAML file. FOLDER receives ledger.sqlite, in which every run
+    stands as soon as it has ended, report.md with its figure, and runs.parquet (runs.csv without pyarrow). The same
+    command continues a study that was interrupted.
+    """
+    _run("study_run", "run_study", **options)
+
+
+@study.command("show", epilog=_EXIT_CODES, short_help="Fly one run of a study again.")
+@click.argument("study", metavar="STUDY")
+@click.argument("number", metavar="RUN", type=click.IntRange(0))
+@click.option(
+    "--out", type=_PATH, metavar="FOLDER", help="The study's folder, instead of studies/ and its name."
+)
+@click.option("--record", is_flag=True, help="Fly it over ROS 2 and record it, as `skydiver-utc run` does.")
+@_json
+@_quiet
+def study_show(**options: Any) -> None:
+    """Fly one RUN of STUDY, by its number, again: the same numbers as in the ledger, bit for bit.
+
+    FOLDER receives the resolved scenario as run_RUN.yaml.
+    """
+    _run("study_run", "show_run", **options)
 
 
 @study.command(short_help="Run with random covariances.")

@@ -16,6 +16,7 @@ from rich.progress import (
     ProgressColumn,
     TextColumn,
     TimeElapsedColumn,
+    TimeRemainingColumn,
 )
 from rich.table import Table
 from rich.text import Text
@@ -53,7 +54,7 @@ def count_progress(description: str, total: int, quiet: bool) -> Iterator[Callab
 
     None when quiet or when stderr is no terminal.
     """
-    with _bars((MofNCompleteColumn(),), quiet) as bars:
+    with _bars((MofNCompleteColumn(), TimeRemainingColumn()), quiet) as bars:
         task = bars.add_task(description, total=total)
         yield lambda done, now=None: bars.update(task, completed=done, description=now)
 

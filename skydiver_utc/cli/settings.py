@@ -8,7 +8,7 @@ from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.parameters import ParameterError, Scenario, SkydiverSettings, load_scenario
 from skydiver_utc.parameters.yaml_io import parse_yaml
 
-_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
+_NAME = re.compile(r"[A-Za-z_]\w*(\.\w+)*")
 
 
 def load(scenario: str, settings: Sequence[str]) -> Scenario:

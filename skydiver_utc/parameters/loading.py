@@ -31,6 +31,7 @@ _NAMED = {
     "joint_limits": "joint_limits",
     "posture": "postures",
     "pattern": "patterns",
+    "study": "studies",
 }
 _ENDINGS = (".yaml", ".yml")
 _SLOTS_WITH_DEFAULTS = ("plant", "controller")
@@ -277,10 +278,21 @@ def _over_defaults(content: dict[str, Any]) -> dict[str, Any]:
 
 def _override(content: dict[str, Any], name: str, value: object) -> None:
     *parents, last = name.split(".")
-    place = content
-    for parent in parents:
-        place = place.setdefault(parent, {})
-        if not isinstance(place, dict):
-            raise ParameterError(f"there is no parameter {name}: {parent} has no fields")
     refuse_non_finite(value, "the override", name)
-    place[last] = value
+    place: Any = content
+    for parent in parents:
+        place = (
+            place.setdefault(parent, {}) if isinstance(place, dict) else place[_entry(place, parent, name)]
+        )
+        if not isinstance(place, dict | list):
+            raise ParameterError(f"there is no parameter {name}: {parent} has no fields")
+    place[_entry(place, last, name)] = value
+
+
+def _entry(place: dict[str, Any] | list[Any], part: str, name: str) -> Any:
+    """The key of a block, or the index of an entry of a list, at a part of a dotted name."""
+    if isinstance(place, dict):
+        return part
+    if not part.isdecimal() or int(part) >= len(place):
+        raise ParameterError(f"there is no parameter {name}: the list has entries 0 to {len(place) - 1}")
+    return int(part)

@@ -2,12 +2,8 @@
 """Many runs at once: which ones, in how many processes, and what is kept of each."""
 
 import math
-import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from functools import cache
 from typing import NamedTuple, TypeVar
 
@@ -20,6 +16,7 @@ from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.registry import build_reference
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Parameters, Scenario, load_scenario
+from skydiver_utc.studies.workers import executor
 
 Kept = TypeVar("Kept")
 Done = Callable[[int], None]  # called with the number of finished runs
@@ -122,38 +119,16 @@ def run_all(
 ) -> dict[str, Kept]:
     """Run scenarios by name in `jobs` processes; what `keep` (a module's function) returns of each, in order."""
     kept: dict[str, Kept] = {}
-    if jobs == 1:
-        for count, (name, scenario) in enumerate(scenarios.items(), 1):
-            kept[name] = _run(scenario, keep)
-            done(count)
-        return kept
-    # Spawned, because a fork would copy the thread that draws the progress bar in an unknown state.
-    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _follow_the_parent)
-    try:
+    with executor(jobs) as pool:
         names = {pool.submit(_run, scenario, keep): name for name, scenario in scenarios.items()}
         for count, future in enumerate(as_completed(names), 1):
             kept[names[future]] = future.result()
             done(count)
-    finally:
-        pool.shutdown(cancel_futures=True)
     return {name: kept[name] for name in scenarios}
 
 
 def _run(scenario: Scenario, keep: Callable[[Run], Kept]) -> Kept:
     return keep(simulate(scenario))
-
-
-def _follow_the_parent() -> None:
-    """Ignore Ctrl-C, which is the parent's, and exit with the parent: an idle worker would wait for ever."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_exit_with_the_parent, daemon=True).start()
-
-
-def _exit_with_the_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-    os._exit(1)
 
 
 def _hands_correlation(run: Run) -> float | None:

@@ -17,8 +17,9 @@ from skydiver_utc.parameters import ParameterError, Parameters, Scenario, Skydiv
 from skydiver_utc.plants.skydiver.model import build_model
 from skydiver_utc.plants.skydiver.steady import HeldBody, falling_straight
 from skydiver_utc.plants.skydiver.yaw import steady_yaw_rates
+from skydiver_utc.studies.bars import Bar
 from skydiver_utc.studies.calibration.candidate import build_candidate, skydiver_of
-from skydiver_utc.studies.calibration.settings import Bar, Calibration, StaticTarget
+from skydiver_utc.studies.calibration.settings import Calibration, StaticTarget
 from skydiver_utc.studies.cases import measure
 
 Array = NDArray[np.float64]

@@ -12,6 +12,7 @@ from skydiver_utc.parameters.body import PatternAngle
 from skydiver_utc.parameters.conversion import checked
 from skydiver_utc.parameters.loading import named_path
 from skydiver_utc.parameters.yaml_io import read_yaml
+from skydiver_utc.studies.bars import Bar
 from skydiver_utc.studies.cases import Measures
 
 # Of `Measures`, those that a number can be wanted of.
@@ -21,25 +22,17 @@ FLIGHT_MEASURES = tuple(
 StaticMeasure = Literal["fall_speed_m_s", "yaw_acceleration_rad_s2", "steady_yaw_rate_deg_s"]
 
 
-class Bar(Parameters):
-    """Where a measure is wanted: at least, at most, or between two numbers."""
-
-    at_least: Annotated[float, quantity("of the measure", "smallest value wanted")] | None = None
-    at_most: Annotated[float, quantity("of the measure", "largest value wanted")] | None = None
+class RelativeBar(Bar):
+    """Bars that a measure's distance is a share of."""
 
     @model_validator(mode="after")
-    def _check(self) -> Self:
-        bars = [bar for bar in (self.at_least, self.at_most) if bar is not None]
-        if not bars:
-            raise ValueError("write at_least, at_most or both")
-        if 0.0 in bars:
+    def _check_relative(self) -> Self:
+        if 0.0 in (self.at_least, self.at_most):
             raise ValueError("a bar of 0 has no relative distance: write a small number instead")
-        if len(bars) == 2 and bars[0] > bars[1]:
-            raise ValueError(f"at_least ({bars[0]:g}) must not be above at_most ({bars[1]:g})")
         return self
 
 
-class StaticTarget(Bar):
+class StaticTarget(RelativeBar):
     """A target for the straight fall, or for the turn at a held pattern angle."""
 
     measure: StaticMeasure
@@ -51,7 +44,7 @@ class StaticTarget(Bar):
     )
 
 
-class FlightBar(Bar):
+class FlightBar(RelativeBar):
     """A target for a flight; with `times` the bars are factors on the same measure of an earlier flight."""
 
     times: Annotated[str, text("name of the earlier flight")] = ""

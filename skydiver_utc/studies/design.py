@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which values each run of a study has: a function of the study's seed and the run's number alone."""
+
+import math
+from collections.abc import Iterator
+from functools import reduce
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from skydiver_utc.parameters import ParameterError, Scenario
+from skydiver_utc.studies.study import Study, Variation
+
+
+class Sample(NamedTuple):
+    """Values by the names of the variations, and the scenario's seed; a variation that is not drawn has no value."""
+
+    values: dict[str, Any]
+    seed: int
+
+
+class Design:
+    """Samples 0, 1, ... of a study; run n is case n % C of sample n // C, so that all C cases meet the same samples."""
+
+    def __init__(self, study: Study) -> None:
+        self.study = study
+        self.names, self.variations = list(study.vary), list(study.vary.values())
+        # (samples, variations), where SALib draws them.
+        self.table = _by_salib(study) if study.by_salib else None
+
+    @property
+    def samples_per_run(self) -> int:
+        """How many samples one of the study's `runs` is."""
+        return len(self.names) if self.study.sampler == "one_by_one" else 1
+
+    def numbers(self) -> Iterator[int]:
+        """Numbers of all runs, rising."""
+        cases, each = list(self.study.cases.values()), self.samples_per_run
+        counts = [each * (case.runs or self.study.runs) for case in cases]
+        if self.table is not None:
+            counts = [len(self.table)] * len(cases)
+        for sample in range(max(counts)):
+            for c, count in enumerate(counts):
+                if sample < count:
+                    yield sample * len(cases) + c
+
+    def case(self, number: int) -> str:
+        """Name of the case of a run."""
+        return list(self.study.cases)[number % len(self.study.cases)]
+
+    def sample(self, number: int) -> Sample:
+        """The sample of a run."""
+        i = number // len(self.study.cases)
+        generator = np.random.default_rng((self.study.seed, i))
+        seed = int(generator.integers(2**32))
+        shares = generator.random(len(self.names)).tolist() if self.table is None else self.table[i].tolist()
+        drawn = range(len(self.names))
+        if self.study.sampler == "one_by_one":
+            i, factor = divmod(i, len(self.names))
+            drawn = range(factor, factor + 1)
+        values = {}
+        for k in drawn:
+            one = self.variations[k]
+            if one.grid:
+                i, place = divmod(i, len(one.grid))
+                shares[k] = (place % len(one.grid) + 0.5) / len(one.grid)
+            values[self.names[k]] = one.at(_inside(shares[k]))
+        return Sample(values, seed)
+
+    def settings(self, sample: Sample, scenario: Scenario) -> dict[str, Any]:
+        """Overrides by dotted name that give a scenario the values of a sample."""
+        own, found = scenario.as_dict(), {"seed": sample.seed}
+        for name, value in sample.values.items():
+            one = self.study.vary[name]
+            for setting in one.settings:
+                found[setting] = value * _number_at(own, setting, name) if one.times else value
+        return found
+
+
+def own_value(variation: Variation, scenario: Scenario) -> float | None:
+    """The number that a scenario has where a variation writes; 1 for a factor, None where there is no number."""
+    if variation.times:
+        return 1.0
+    try:
+        return _number_at(scenario.as_dict(), variation.settings[0], "")
+    except ParameterError:
+        return None
+
+
+def _number_at(content: dict[str, Any], setting: str, name: str) -> float:
+    try:
+        value = reduce(
+            lambda at, part: at[int(part) if isinstance(at, list) else part], setting.split("."), content
+        )
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise TypeError
+    except (LookupError, TypeError, ValueError) as error:
+        raise ParameterError(f"{name} varies {setting}, which is no number of the scenario") from error
+    return float(value)
+
+
+def _inside(share: float) -> float:
+    """A share above 0 and below 1."""
+    return min(max(share, 1e-12), math.nextafter(1.0, 0.0))
+
+
+def problem(study: Study) -> dict[str, Any]:
+    """The variations as SALib knows them: shares between 0 and 1."""
+    return {"num_vars": len(study.vary), "names": list(study.vary), "bounds": [[0.0, 1.0]] * len(study.vary)}
+
+
+def salib(module: str) -> Any:
+    """A module of SALib; raises `ParameterError` without it."""
+    try:
+        return import_module(f"SALib.{module}")
+    except ModuleNotFoundError as error:
+        raise ParameterError("this sampler needs SALib: pip install skydiver_utc[studies]") from error
+
+
+def _by_salib(study: Study) -> Any:
+    more = {"calc_second_order": False} if study.sampler == "sobol" else {}
+    return salib(f"sample.{study.sampler}").sample(problem(study), study.runs, seed=study.seed, **more)

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The runs of a study: which are missing, flown by an executor, each written to the ledger as it ends."""
+
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from functools import lru_cache
+from itertools import islice
+from typing import Any, NamedTuple
+
+from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.outcome import Outcome
+from skydiver_utc.loop.run import Run
+from skydiver_utc.parameters import ParameterError, Scenario, from_yaml, override, to_yaml
+from skydiver_utc.studies.design import Design, Sample
+from skydiver_utc.studies.intervals import share_interval
+from skydiver_utc.studies.ledger import FAILED, Ledger, Row
+from skydiver_utc.studies.study import Study
+from skydiver_utc.studies.workers import executor
+
+_IN_FLIGHT = 64  # more than a cluster's workers would idle between two results
+_CLOCKS = ("solve_time_us", "wall_time_s")
+_ENDS = (0.0, 0.5, 1.0)
+
+
+class StudyStoppedError(Exception):
+    """Runs cannot go on: a worker or the scheduler ended."""
+
+
+class Flown(NamedTuple):
+    """The end of a run, its metrics by dotted name, one sentence, and its CPU time [s]."""
+
+    outcome: str
+    metrics: dict[str, Any]
+    sentence: str
+    cpu_s: float
+
+    @classmethod
+    def of(cls, run: Run, began: float = 0.0) -> "Flown":
+        """The end of a run that began at this CPU time."""
+        found = {name: value for name, value in _flat(metrics(run)) if not name.startswith(_CLOCKS)}
+        return cls(run.outcome.value, found, str(found["reason"]), time.thread_time() - began)
+
+
+def kept_of(study: Study, flown: Flown) -> dict[str, Any]:
+    """The metrics that a study keeps of a run."""
+    return {name: flown.metrics.get(name) for name in study.metrics}
+
+
+class Plan:
+    """A study with the scenarios of its cases, checked: every value that can be drawn is one that they take."""
+
+    def __init__(self, study: Study) -> None:
+        self.study, self.scenarios, self.design = study, study.load(), Design(study)
+        self.digest = study.digest(self.scenarios)
+        self._texts = {name: to_yaml(scenario) for name, scenario in self.scenarios.items()}
+
+    def check(self) -> None:
+        """Raise `ParameterError` for a setting, a value or a metric that a case does not have; flies one step each."""
+        for name, scenario in self.scenarios.items():
+            try:
+                for share in _ENDS:
+                    found = override(scenario, self._settings_at(share, scenario))
+                    if share == _ENDS[1]:
+                        flown = fly(
+                            to_yaml(scenario), self._settings_at(share, scenario) | {"duration_s": found.dt_s}
+                        )
+            except (ParameterError, ValueError) as error:
+                raise ParameterError(f"{error} (case {name!r} of study {self.study.name})") from error
+            if unknown := set(self.study.metrics) - set(flown.metrics):
+                raise ParameterError(
+                    f"study {self.study.name}: a run of {name!r} has no metric {', '.join(sorted(unknown))}:"
+                    f" choose from {', '.join(flown.metrics)}"
+                )
+
+    def settings(self, number: int) -> dict[str, Any]:
+        """Overrides of a run on the scenario of its case."""
+        return self.design.settings(self.design.sample(number), self.scenarios[self.design.case(number)])
+
+    def scenario(self, number: int) -> Scenario:
+        """The scenario of a run."""
+        return override(self.scenarios[self.design.case(number)], self.settings(number))
+
+    def job(self, number: int) -> tuple[str, dict[str, Any]]:
+        """Arguments of `fly` for a run."""
+        return self._texts[self.design.case(number)], self.settings(number)
+
+    def row(self, number: int, flown: Flown) -> Row:
+        """The row of a run."""
+        return self._row(number, flown.outcome, kept_of(self.study, flown), flown.sentence, "", flown.cpu_s)
+
+    def failed(self, number: int, error: BaseException) -> Row:
+        """The row of a run that raised an error."""
+        sentence = " ".join(str(error).split()) or type(error).__name__
+        return self._row(number, FAILED, {}, sentence, "".join(traceback.format_exception(error)), 0.0)
+
+    def _row(self, number: int, outcome: str, kept: dict[str, Any], *rest: Any) -> Row:
+        success = outcome == Outcome.COMPLETED.value and all(
+            bar.holds(kept[name]) for name, bar in self.study.success.items()
+        )
+        sample = self.design.sample(number).values
+        return Row(number, self.design.case(number), sample, outcome, success, kept, *rest)
+
+    def _settings_at(self, share: float, scenario: Scenario) -> dict[str, Any]:
+        inside = min(max(share, 1e-9), 1.0 - 1e-9)
+        values = {name: one.at(inside) for name, one in self.study.vary.items()}
+        return self.design.settings(Sample(values, 0), scenario)
+
+
+def fly(scenario: str, settings: Mapping[str, Any]) -> Flown:
+    """Fly a resolved scenario in YAML with overrides; nothing else decides the numbers."""
+    began = time.thread_time()
+    return Flown.of(simulate(override(_scenario(scenario), settings)), began)
+
+
+@lru_cache(maxsize=64)
+def _scenario(text: str) -> Scenario:
+    return from_yaml(text)
+
+
+def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
+    """Values that are no blocks or lists, by their dotted names."""
+    for name, value in content.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        elif not isinstance(value, list):
+            yield prefix + name, value
+
+
+class Tally:
+    """Counts of the runs 0, 1, ... without a gap, so that the same runs decide whatever the order they end in."""
+
+    def __init__(self, numbers: Sequence[int], rows: Iterable[Row]) -> None:
+        self._numbers, self._next = numbers, 0
+        self._ended: dict[int, Row] = {}
+        self.done, self.outcomes = 0, Counter[str]()
+        self._flown, self._successes = Counter[str](), Counter[str]()
+        for row in rows:
+            self.add(row)
+
+    def add(self, row: Row) -> None:
+        """Count a run."""
+        self.done += 1
+        self.outcomes["success" if row.success else row.outcome] += 1
+        self._ended[row.number] = row
+
+    def narrow(self, width: float) -> bool:
+        """Whether the 95 % interval of each case's share of successes became this narrow, run by run."""
+        while self._next < len(self._numbers) and (row := self._ended.get(self._numbers[self._next])):
+            self._next += 1
+            self._flown[row.case] += 1
+            self._successes[row.case] += row.success
+            if self.widest() <= width:
+                return True
+        return False
+
+    def widest(self) -> float:
+        """Widest interval of a case's share among the runs without a gap."""
+        spans = [share_interval(self._successes[case], flown) for case, flown in self._flown.items()]
+        return max((high - low for low, high in spans), default=1.0)
+
+    @property
+    def last(self) -> int:
+        """Number of the last run without a gap before it."""
+        return self._numbers[self._next - 1]
+
+
+def fly_study(
+    plan: Plan,
+    ledger: Ledger,
+    workers: int,
+    progress: Callable[[Tally], None],
+    scheduler: str = "",
+    until: float | None = None,
+) -> list[Row]:
+    """Fly the missing runs; the rows of the study, by number, without those after `until` was reached.
+
+    until: the 95 % interval of every case's share of successes is this narrow
+    Raises `StudyStoppedError` when a worker or the scheduler ends; the ledger has every run that ended before.
+    """
+    numbers = list(plan.design.numbers())
+    kept, wanted = ledger.rows(), set(numbers)
+    tally = Tally(numbers, [row for row in kept if row.number in wanted])
+    done = {row.number for row in kept}
+    missing = iter(sorted(wanted - done))
+    enough = until is not None and tally.narrow(until)
+    progress(tally)
+    if not enough and wanted - done:
+        with executor(workers, scheduler) as pool:
+            flying: dict[Future[Flown], int] = {}
+            while not enough:
+                room = (_IN_FLIGHT if scheduler else 2 * workers) - len(flying)
+                flying |= {pool.submit(fly, *plan.job(n)): n for n in islice(missing, room)}
+                if not flying:
+                    break
+                for future in wait(flying, return_when=FIRST_COMPLETED).done:
+                    row = _ended(plan, flying.pop(future), future)
+                    ledger.add(row)
+                    tally.add(row)
+                progress(tally)
+                enough = until is not None and tally.narrow(until)
+    return [row for row in ledger.rows() if row.number in wanted and (not enough or row.number <= tally.last)]
+
+
+def _ended(plan: Plan, number: int, future: "Future[Flown]") -> Row:
+    """The row of a run that ended, or raised an error."""
+    if future.cancelled():
+        raise StudyStoppedError("the scheduler ended, or lost the runs") from CancelledError()
+    error = future.exception()
+    if isinstance(error, BrokenExecutor):
+        raise StudyStoppedError("a worker process ended before its run did") from error
+    return plan.row(number, future.result()) if error is None else plan.failed(number, error)

@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report of a study: tables and figures in Markdown, and all runs as one table."""
+
+import csv
+import io
+from collections import Counter
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skydiver_utc.analysis.study_figures import Shares, success_figure
+from skydiver_utc.analysis.style import png
+from skydiver_utc.parameters.files import write_file
+from skydiver_utc.studies.bars import Bar
+from skydiver_utc.studies.design import own_value, problem, salib
+from skydiver_utc.studies.flights import Plan
+from skydiver_utc.studies.intervals import median_interval, share_interval
+from skydiver_utc.studies.ledger import FAILED, Row
+from skydiver_utc.studies.markdown import figure, percent, table
+from skydiver_utc.studies.study import Variation
+
+REPORT, FIGURE = "report.md", "success.png"
+_MOST_BINS, _RUNS_PER_BIN = 12, 5
+_MOST_FAILURES = 20
+
+
+def write_report(folder: Path, plan: Plan, rows: Sequence[Row]) -> None:
+    """Write report.md, success.png, and runs.parquet, or runs.csv where pyarrow is not installed."""
+    _write_runs(folder, plan, rows)
+    panels = shares_by_value(plan, rows)
+    if panels:
+        write_file(folder / FIGURE, png(success_figure(panels)))
+    write_file(folder / REPORT, report(plan, rows, bool(panels)))
+
+
+def report(plan: Plan, rows: Sequence[Row], with_figure: bool) -> str:
+    """The report as Markdown."""
+    study = plan.study
+    bars = [f"{name} {_limits(bar)}" for name, bar in study.success.items()]
+    cpu_s = sum(row.cpu_s for row in rows)
+    parts = [
+        f"# {study.title or study.name}",
+        study.description,
+        f"{len(rows)} runs, {cpu_s:.0f} s of CPU time, {cpu_s / max(len(rows), 1):.2f} s each; seed {study.seed}."
+        f" A success is completed{''.join(f', {bar}' for bar in bars)}. Shares with Wilson's 95 % interval,"
+        " medians of the completed runs with a bootstrap's.",
+        cases_table(plan, rows),
+    ]
+    if study.sampler == "one_by_one":
+        parts += [
+            "## Values borne",
+            "Each alone: every run between these two values is a success.",
+            borne_table(plan, rows),
+        ]
+    if study.by_salib:
+        parts += [f"## Sensitivity of {study.metrics[0]}", sensitivity_table(plan, rows)]
+    if with_figure:
+        parts += [f"![Share of successes against each value]({FIGURE})"]
+    if failures := [row for row in rows if row.outcome == FAILED]:
+        shown = [(str(row.number), row.case, row.sentence) for row in failures[:_MOST_FAILURES]]
+        parts += [f"## {len(failures)} runs failed", table(("run", "case", "error"), shown)]
+    return "\n\n".join(part.strip() for part in parts if part) + "\n"
+
+
+def _limits(bar: Bar) -> str:
+    low, high = bar.at_least, bar.at_most
+    sides = [f"at least {low:g}" if low is not None else "", f"at most {high:g}" if high is not None else ""]
+    return " and ".join(filter(None, sides))
+
+
+def cases_table(plan: Plan, rows: Sequence[Row]) -> str:
+    """Runs, outcomes, share of successes and median metrics of each case."""
+    numeric = [name for name in plan.study.metrics if any(_is_number(row.metrics.get(name)) for row in rows)]
+    lines = []
+    for case in plan.scenarios:
+        own = [row for row in rows if row.case == case]
+        if not own:
+            continue
+        count = sum(row.success for row in own)
+        low, high = share_interval(count, len(own))
+        ends = Counter(row.outcome for row in own if row.outcome != "completed")
+        medians = []
+        for name in numeric:
+            values = [
+                row.metrics[name]
+                for row in own
+                if row.outcome == "completed" and _is_number(row.metrics[name])
+            ]
+            middle, least, most = median_interval(values)
+            medians.append(f"{figure(middle)} ({figure(least)} to {figure(most)})" if values else "-")
+        lines.append(
+            (case, str(len(own)), f"{percent(count / len(own))} ({100 * low:.0f} to {100 * high:.0f})",
+             ", ".join(f"{n} {end}" for end, n in sorted(ends.items())) or "-", *medians)
+        )  # fmt: skip
+    return table(("case", "runs", "success", "not completed", *numeric), lines)
+
+
+def borne_table(plan: Plan, rows: Sequence[Row]) -> str:
+    """For each variation and case the values about the scenario's own between which every run is a success."""
+    lines = []
+    for name, one in plan.study.vary.items():
+        cells = []
+        for case, scenario in plan.scenarios.items():
+            own = [(row.sample[name], row.success) for row in rows if row.case == case and name in row.sample]
+            cells.append(borne(own, own_value(one, scenario)))
+        lines.append((f"{name} [{one.unit or '1'}]", *cells))
+    return table(("", *plan.scenarios), lines)
+
+
+def borne(runs: Sequence[tuple[Any, bool]], own: float | None) -> str:
+    """The values next to the own one between which every run (value, success) is a success."""
+    if own is None or not runs or not all(_is_number(value) for value, _ in runs):
+        return "-"
+    ends = []
+    for side in (-1.0, 1.0):
+        reached: float | None = None
+        for value, success in sorted(runs, key=lambda run: side * run[0]):
+            if side * (value - own) >= 0.0:
+                if not success:
+                    break
+                reached = value
+        ends.append(reached)
+    if ends == [None, None]:
+        return "none"
+    low, high = (own if end is None else end for end in ends)
+    whole = low <= min(value for value, _ in runs) and high >= max(value for value, _ in runs)
+    return f"{low:.3g} to {high:.3g}" + (" (all)" if whole else "")
+
+
+def shares_by_value(plan: Plan, rows: Sequence[Row]) -> list[Shares]:
+    """Share of successes of each case against the values of each variation that are numbers."""
+    panels = []
+    for name, one in plan.study.vary.items():
+        lines: dict[str, tuple[list[float], list[float]]] = {}
+        for case in plan.scenarios:
+            runs = [
+                (row.sample[name], row.success) for row in rows if row.case == case and name in row.sample
+            ]
+            if runs and all(_is_number(value) for value, _ in runs):
+                lines[case] = _binned(one, np.array(runs, dtype=float))
+        if lines:
+            panels.append(Shares(f"{name} [{one.unit or '1'}]", one.log_uniform is not None, lines))
+    return panels
+
+
+def _binned(one: Variation, runs: "np.ndarray[Any, Any]") -> tuple[list[float], list[float]]:
+    """Mean value and share of successes of runs with neighbouring values (R, 2)."""
+    runs = runs[np.argsort(runs[:, 0], kind="stable")]
+    if one.values:
+        groups = [runs[runs[:, 0] == value] for value in np.unique(runs[:, 0])]
+    else:
+        groups = np.array_split(runs, max(1, min(_MOST_BINS, len(runs) // _RUNS_PER_BIN)))
+    return [float(group[:, 0].mean()) for group in groups], [float(group[:, 1].mean()) for group in groups]
+
+
+def sensitivity_table(plan: Plan, rows: Sequence[Row]) -> str:
+    """SALib's indices of each variation for the first metric, by case; runs without it make a case's undefined."""
+    study, metric = plan.study, plan.study.metrics[0]
+    shown = ("S1", "ST") if study.sampler == "sobol" else ("mu_star", "sigma")
+    lines = []
+    for case in plan.scenarios:
+        values = np.array(
+            [row.metrics.get(metric) or np.nan for row in rows if row.case == case], dtype=float
+        )
+        if not np.isfinite(values).all():
+            lines += [(case, name, *["-"] * len(shown)) for name in study.vary]
+            continue
+        if study.sampler == "sobol":
+            found = salib("analyze.sobol").analyze(
+                problem(study), values, calc_second_order=False, seed=study.seed
+            )
+        else:
+            points = plan.design.table
+            found = salib("analyze.morris").analyze(problem(study), points, values, seed=study.seed)
+        for k, name in enumerate(study.vary):
+            cells = [f"{found[index][k]:.2f}" for index in shown]
+            lines.append((case, name, *cells))
+    return table(("case", "", *shown), lines)
+
+
+def _write_runs(folder: Path, plan: Plan, rows: Sequence[Row]) -> None:
+    columns = [
+        "number",
+        "case",
+        *plan.study.vary,
+        "outcome",
+        "success",
+        *plan.study.metrics,
+        "sentence",
+        "cpu_s",
+    ]
+    records = [
+        [row.number, row.case, *(row.sample.get(name) for name in plan.study.vary), row.outcome, row.success,
+         *(row.metrics.get(name) for name in plan.study.metrics), row.sentence, row.cpu_s]
+        for row in rows
+    ]  # fmt: skip
+    if find_spec("pyarrow"):
+        import pyarrow
+        from pyarrow import parquet
+
+        arrays = {name: [record[k] for record in records] for k, name in enumerate(columns)}
+        parquet.write_table(pyarrow.table(arrays), folder / "runs.parquet")
+        return
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([columns, *records])
+    write_file(folder / "runs.csv", text.getvalue())
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where runs are computed: in this process, in local processes, or on a Dask cluster; one interface for all."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
+
+from skydiver_utc.parameters import ParameterError
+
+_CONNECT_S = 10
+
+
+@contextmanager
+def executor(workers: int, scheduler: str = "") -> Iterator[Executor]:
+    """An executor; one worker is a thread of this process. Calls that have not begun are cancelled at the end.
+
+    scheduler: address of a Dask cluster that runs already, whose workers have this package
+    """
+    if scheduler:
+        with _cluster(scheduler) as cluster:
+            yield cluster
+        return
+    pool: Executor = (
+        ThreadPoolExecutor(1)
+        if workers == 1
+        # Spawned, because a fork would copy the thread that draws the progress bar in an unknown state.
+        else ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _follow_the_parent)
+    )
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _cluster(scheduler: str) -> Iterator[Executor]:
+    try:
+        from distributed import Client
+    except ModuleNotFoundError as error:
+        raise ParameterError("--scheduler needs Dask: pip install skydiver_utc[dask]") from error
+    try:
+        client = Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ParameterError(
+            f"no Dask scheduler answers at {scheduler}: check the address ({error})"
+        ) from error
+    try:
+        yield client.get_executor(pure=False, retries=0)
+    finally:
+        client.close(timeout=_CONNECT_S)
+
+
+def _follow_the_parent() -> None:
+    """Ignore Ctrl-C, which is the parent's, and exit with the parent: an idle worker would wait for ever."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_exit_with_the_parent, daemon=True).start()
+
+
+def _exit_with_the_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+    os._exit(1)
