@@ -2,14 +2,13 @@
 """Which values each run of a study has: a function of the study's seed and the run's number alone."""
 
 import math
-from collections.abc import Iterator
-from functools import reduce
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from skydiver_utc.parameters import ParameterError, Scenario
+from skydiver_utc.parameters import ParameterError
 from skydiver_utc.studies.study import Study, Variation
 
 
@@ -68,9 +67,9 @@ class Design:
             values[self.names[k]] = one.at(_inside(shares[k]))
         return Sample(values, seed)
 
-    def settings(self, sample: Sample, scenario: Scenario) -> dict[str, Any]:
-        """Overrides by dotted name that give a scenario the values of a sample."""
-        own, found = scenario.as_dict(), {"seed": sample.seed}
+    def settings(self, sample: Sample, own: Mapping[str, Any]) -> dict[str, Any]:
+        """Overrides by dotted name that give a scenario, in plain data, the values of a sample."""
+        found: dict[str, Any] = {"seed": sample.seed}
         for name, value in sample.values.items():
             one = self.study.vary[name]
             for setting in one.settings:
@@ -78,26 +77,33 @@ class Design:
         return found
 
 
-def own_value(variation: Variation, scenario: Scenario) -> float | None:
-    """The number that a scenario has where a variation writes; 1 for a factor, None where there is no number."""
+def own_value(variation: Variation, own: Mapping[str, Any]) -> float | None:
+    """The number of a scenario, in plain data, that a variation changes; 1 for a factor, None without a number."""
     if variation.times:
         return 1.0
     try:
-        return _number_at(scenario.as_dict(), variation.settings[0], "")
+        return _number_at(own, variation.settings[0], "")
     except ParameterError:
         return None
 
 
-def _number_at(content: dict[str, Any], setting: str, name: str) -> float:
+def _number_at(content: Mapping[str, Any], setting: str, name: str) -> float:
+    """The number that a resolved scenario has at a setting; the plant's where `truth` says nothing else."""
     try:
-        value = reduce(
-            lambda at, part: at[int(part) if isinstance(at, list) else part], setting.split("."), content
-        )
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise TypeError
-    except (LookupError, TypeError, ValueError) as error:
-        raise ParameterError(f"{name} varies {setting}, which is no number of the scenario") from error
+        value = _at(content, setting)
+    except (LookupError, TypeError):
+        value = None
+        if setting.startswith("truth."):
+            return _number_at(content, setting.replace("truth", "plant", 1), name)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ParameterError(f"{name} varies {setting}, which is no number of the scenario")
     return float(value)
+
+
+def _at(content: Any, setting: str) -> Any:
+    for part in setting.split("."):
+        content = content[int(part) if isinstance(content, list) and part.isdecimal() else part]
+    return content
 
 
 def _inside(share: float) -> float:

@@ -56,6 +56,7 @@ class Plan:
     def __init__(self, study: Study) -> None:
         self.study, self.scenarios, self.design = study, study.load(), Design(study)
         self.digest = study.digest(self.scenarios)
+        self.own = {name: scenario.as_dict() for name, scenario in self.scenarios.items()}
         self._texts = {name: to_yaml(scenario) for name, scenario in self.scenarios.items()}
 
     def check(self) -> None:
@@ -63,10 +64,10 @@ class Plan:
         for name, scenario in self.scenarios.items():
             try:
                 for share in _ENDS:
-                    found = override(scenario, self._settings_at(share, scenario))
+                    found = override(scenario, self._settings_at(share, name))
                     if share == _ENDS[1]:
                         flown = fly(
-                            to_yaml(scenario), self._settings_at(share, scenario) | {"duration_s": found.dt_s}
+                            to_yaml(scenario), self._settings_at(share, name) | {"duration_s": found.dt_s}
                         )
             except (ParameterError, ValueError) as error:
                 raise ParameterError(f"{error} (case {name!r} of study {self.study.name})") from error
@@ -78,7 +79,7 @@ class Plan:
 
     def settings(self, number: int) -> dict[str, Any]:
         """Overrides of a run on the scenario of its case."""
-        return self.design.settings(self.design.sample(number), self.scenarios[self.design.case(number)])
+        return self.design.settings(self.design.sample(number), self.own[self.design.case(number)])
 
     def scenario(self, number: int) -> Scenario:
         """The scenario of a run."""
@@ -104,10 +105,10 @@ class Plan:
         sample = self.design.sample(number).values
         return Row(number, self.design.case(number), sample, outcome, success, kept, *rest)
 
-    def _settings_at(self, share: float, scenario: Scenario) -> dict[str, Any]:
+    def _settings_at(self, share: float, case: str) -> dict[str, Any]:
         inside = min(max(share, 1e-9), 1.0 - 1e-9)
         values = {name: one.at(inside) for name, one in self.study.vary.items()}
-        return self.design.settings(Sample(values, 0), scenario)
+        return self.design.settings(Sample(values, 0), self.own[case])
 
 
 def fly(scenario: str, settings: Mapping[str, Any]) -> Flown:

@@ -103,9 +103,9 @@ def borne_table(plan: Plan, rows: Sequence[Row]) -> str:
     lines = []
     for name, one in plan.study.vary.items():
         cells = []
-        for case, scenario in plan.scenarios.items():
+        for case in plan.scenarios:
             own = [(row.sample[name], row.success) for row in rows if row.case == case and name in row.sample]
-            cells.append(borne(own, own_value(one, scenario)))
+            cells.append(borne(own, own_value(one, plan.own[case])))
         lines.append((f"{name} [{one.unit or '1'}]", *cells))
     return table(("", *plan.scenarios), lines)
 
