@@ -18,7 +18,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 # Tests run in as many processes as there are cores: threads of their own would only wait for each other.
 test test-fast: export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help install demo test test-fast lowest highest fuzz mutants kills lint bench bench-tools worst compared references rivals-tools tools bench-ros study sensitivity paper soak network package clean
+.PHONY: help install demo docs film test test-fast lowest highest fuzz mutants kills lint bench bench-tools worst compared references rivals-tools tools bench-ros study sensitivity paper soak network package clean
 
 help:
 	@echo "make demo      run SCENARIO ($(SCENARIO)) over ROS, recorded below bags/"
@@ -29,6 +29,8 @@ help:
 	@echo "make mutants   the core with one operator, number or statement changed, MUTANTS=$(MUTANTS) times from SEED=$(SEED): do its tests see it; an hour"
 	@echo "make kills     kill the recorder 20 times during a run, count what is recovered"
 	@echo "make lint      ruff and mypy"
+	@echo "make docs      the documentation site, into build/site; runs every example; some minutes; ARGS=-Dplot_gallery=0: none of them"
+	@echo "make film      the film on the first page, into docs/figures/skydiver.gif"
 	@echo "make bench     time the plant, the controllers and the closed loop; bench-tools: CasADi, do-mpc and OSQP, too"
 	@echo "make worst     the slowest of a million steps of UTC; some four minutes"
 	@echo "make compared  UTC, LQR and nonlinear MPC on six textbook plants, into docs/compared.md; some five minutes"
@@ -94,6 +96,13 @@ lint: $(STAMP)
 	$(VENV)/bin/ruff format --check
 	$(VENV)/bin/mypy
 
+# Without warnings: a link that leads nowhere ends the build.
+docs: $(STAMP)
+	$(VENV)/bin/python -m sphinx -W --keep-going --quiet -b html -c docs -d build/doctrees $(ARGS) . build/site
+
+film: $(STAMP)
+	$(VENV)/bin/python examples/film.py docs/figures/skydiver.gif
+
 bench: $(STAMP)
 	$(VENV)/bin/python benchmarks/run.py $(ARGS)
 
@@ -146,7 +155,7 @@ $(STAMP): | $(VENV)/bin/python
 	@echo "Installing skydiver_utc into $(VENV); the first time takes some minutes."
 	rm -rf build/lib build/bdist.*
 	$(VENV)/bin/python -m pip install --quiet --no-compile --disable-pip-version-check 'pip>=24' 'setuptools>=77'
-	$(VENV)/bin/python -m pip install --quiet --no-compile --disable-pip-version-check --no-build-isolation '.[ros,test,dev]'
+	$(VENV)/bin/python -m pip install --quiet --no-compile --disable-pip-version-check --no-build-isolation '.[ros,test,docs,dev]'
 	@echo "Compiling the model, once for each installation."
 	$(VENV)/bin/skydiver-utc simulate fast_turn_unknown_dynamics --set duration_s=0.1 --quiet --json >/dev/null
 	rm -f $(VENV)/installed-*

@@ -70,6 +70,14 @@ setup(
         # Studies: samplers of sensitivity, and runs as Parquet instead of CSV.
         "studies": ["pyarrow>=15", "SALib>=1.5"],
         "dask": ["distributed>=2024.5"],
+        "docs": [
+            "myst-parser>=4",
+            "pydata-sphinx-theme>=0.16",
+            "sphinx>=8.1",
+            "sphinx-click>=6",
+            "sphinx-design>=0.6",
+            "sphinx-gallery>=0.18",
+        ],
         # The tool chains of `make bench`; casadi alone is a wheel of 93 MB.
         "bench": ["casadi>=3.6", "do-mpc>=5", "osqp>=1"],
         "dev": ["mypy>=1.11", "ruff>=0.9", "scipy-stubs", "types-PyYAML"],

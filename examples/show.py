@@ -2,6 +2,7 @@
 """What the examples share: the option --figure, and a figure of a few panels over time."""
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,19 +10,17 @@ import numpy as np
 
 
 def figure_path(description: str) -> Path | None:
-    """The value of --figure, if it is given."""
+    """The value of --figure, if it is given; in a notebook, which shows the figure, figure.png."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--figure", type=Path, help="write a PNG here")
-    return parser.parse_args().figure
+    in_notebook = "ipykernel" in sys.modules  # where sys.argv is the kernel's
+    return parser.parse_args(["--figure", "figure.png"] if in_notebook else None).figure
 
 
 def panels(
     path: Path, title: str, time: np.ndarray, rows: Sequence[tuple[str, dict[str, np.ndarray]]]
 ) -> None:
     """One panel per row: its label, and curves by name; a curve named "reference" is dashed grey."""
-    import matplotlib
-
-    matplotlib.use("Agg")
     from matplotlib import pyplot
 
     figure, axes = pyplot.subplots(
@@ -38,4 +37,3 @@ def panels(
     axes[0, 0].set_title(title, fontsize="medium")
     axes[-1, 0].set_xlabel("time [s]")
     figure.savefig(path, dpi=120)
-    pyplot.close(figure)

@@ -36,7 +36,7 @@ class PlantDisplay:
         description = plant.robot_description()
         frames = ["body"] * (plant.state_message == "odometry") + ["base_link"] * bool(description)
         self._joints = node.advertise(topics.JOINT_STATES) if plant.joint_names else None
-        self._markers = node.advertise(topics.MARKERS) if plant.shapes else None
+        self._markers = node.advertise(topics.MARKERS) if plant.shapes and node.settings.markers else None
         self._frames = node.advertise(topics.TRANSFORMS) if frames else None
         self._joints_message = JointState(name=list(plant.joint_names))
         self._shapes = [_ellipsoid(i, shape.half_axes) for i, shape in enumerate(plant.shapes)]

@@ -75,7 +75,12 @@ def test_urdf_joints_markers_and_transforms_show_the_flight(ros: Ros) -> None:
             np.testing.assert_allclose(found, components(marker.pose.position), rtol=0, atol=1e-9)
 
 
-def test_nothing_is_sent_to_nobody(ros: Ros, tmp_path: Path) -> None:
-    """A plant without a body advertises none of it."""
+def test_a_plant_without_a_body_advertises_none_of_it(ros: Ros, tmp_path: Path) -> None:
     plant: PlantNode = ros.add(PlantNode(ros.context, {"scenario": cart_file(tmp_path)}))
     assert not any(plant.count_publishers(f"/skydiver/{topic.name}") for topic in DISPLAYED)
+
+
+def test_markers_can_be_left_out(ros: Ros) -> None:
+    plant: PlantNode = ros.add(PlantNode(ros.context, overrides(0.1, markers=False)))
+    assert not plant.count_publishers("/skydiver/markers")
+    assert plant.count_publishers("/skydiver/joint_states")

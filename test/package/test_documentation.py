@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Markdown pages: links lead somewhere, each picture has a command, commands exist, the tutorial's code runs."""
+
+import re
+import runpy
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+from package_files import ROOT
+
+from skydiver_utc.cli.main import main
+from skydiver_utc.parameters import scenario_names
+
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("docs/paper/*.md")])
+each_page = pytest.mark.parametrize("page", PAGES, ids=[str(page.relative_to(ROOT)) for page in PAGES])
+# A file that the command writes, or a command that writes all figures of a page.
+DRAWS = re.compile(r"--figure|--out docs/|docs/figures/|study (tuning|sensitivity)|make (film|paper)")
+
+
+def prose(page: Path) -> str:
+    return re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+def anchors(page: Path) -> set[str]:
+    """Of its headings, as repository views and the site make them."""
+    headings = re.findall(r"^#+ (.*)$", prose(page), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+
+
+def commands(page: Path) -> Iterator[list[str]]:
+    """Words of each command line, in blocks and in running text; optional parts without their brackets."""
+    text = page.read_text(encoding="utf-8")
+    block = r"^ *((?:skydiver-utc|make|python) [^`\n]*)$"
+    for line in re.findall(block, text, re.MULTILINE) + re.findall(
+        r"`((?:skydiver-utc|make|python) [^`]*)`", text
+    ):
+        part = re.split(r"\s#|&&|\||\\$", re.sub(r"[\[\]]|\.\.\.", "", line))[0]
+        yield shlex.split(part)
+
+
+@each_page
+def test_links_lead_to_files_and_headings(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
+        path, _, anchor = target.partition("#")
+        if not path.startswith(("http:", "https:")):
+            found = page.parent / path if path else page
+            assert found.exists(), target
+            assert not anchor or anchor in anchors(found), target
+
+
+@each_page
+def test_a_page_with_pictures_names_the_command_that_draws_them(page: Path) -> None:
+    assert "![" not in prose(page) or any(DRAWS.search(" ".join(words)) for words in commands(page))
+
+
+@each_page
+def test_commands_exist_with_their_options_and_scenarios(page: Path) -> None:
+    targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    for name, *words in commands(page):
+        if name == "make":
+            assert words[0] in targets
+        elif name == "python" and words[0].islower() and words[0][0] != "-":
+            assert (ROOT / words[0]).is_file()
+        elif name == "skydiver-utc":
+            command: click.Command = main
+            while isinstance(command, click.Group) and words and words[0].islower() and words[0][0] != "-":
+                command = command.commands[words.pop(0)]
+            options = {option for parameter in command.params for option in parameter.opts}
+            given = {word.partition("=")[0] for word in words if word.startswith("--")}
+            assert given <= options | {"--help", "--version"}, words
+            if command.name in ("simulate", "run") and words and re.fullmatch(r"[a-z_0-9]+", words[0]):
+                assert words[0] in scenario_names()
+
+
+def test_the_tutorial_s_code_controls_its_pendulum(tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+    script = tmp_path / "tutorial.py"
+    script.write_text("".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL)), encoding="utf-8")
+    assert abs(runpy.run_path(str(script))["state"][0] - 1.0) < 0.01
+
+
+def test_the_site_s_pages_are_all_in_its_contents() -> None:
+    """`make docs` refuses a page that no contents list names; this needs no Sphinx."""
+    listed = set()
+    for page in PAGES:
+        for content in re.findall(r"```\{toctree\}(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
+            listed |= set(re.findall(r"^(?:\w+ <)?([\w./-]+)>?$", content, re.MULTILINE))
+    names = {str(page.relative_to(ROOT / "docs").with_suffix("")) for page in PAGES if page.parent != ROOT}
+    assert names - listed == {"index"}
+
+
+def test_the_ways_to_a_full_ros_can_be_read() -> None:
+    tomllib = pytest.importorskip("tomllib", reason="Python 3.11 and later have it")
+    pixi = tomllib.loads((ROOT / "pixi.toml").read_text(encoding="utf-8"))
+    assert pixi["tasks"]["demo"].split()[-1] in scenario_names()
+    assert pixi["pypi-dependencies"]["skydiver_utc"]["path"] == "."
