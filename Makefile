@@ -155,7 +155,7 @@ $(STAMP): | $(VENV)/bin/python
 	@echo "Installing skydiver_utc into $(VENV); the first time takes some minutes."
 	rm -rf build/lib build/bdist.*
 	$(VENV)/bin/python -m pip install --quiet --no-compile --disable-pip-version-check 'pip>=24' 'setuptools>=77'
-	$(VENV)/bin/python -m pip install --quiet --no-compile --disable-pip-version-check --no-build-isolation '.[ros,test,docs,dev]'
+	$(VENV)/bin/python -m pip install --quiet --no-compile --disable-pip-version-check --no-build-isolation '.[ros,studies,test,docs,dev]'
 	@echo "Compiling the model, once for each installation."
 	$(VENV)/bin/skydiver-utc simulate fast_turn_unknown_dynamics --set duration_s=0.1 --quiet --json >/dev/null
 	rm -f $(VENV)/installed-*

@@ -53,7 +53,8 @@ setup(
     extras_require={
         # A ROS 2 installation brings its own; without one these are the same rclpy and messages as wheels.
         "ros": ["ros-jazzy-common-interfaces", "ros-jazzy-rclpy[fastrtps]"],
-        "parquet": ["pyarrow>=15"],
+        # Studies on a Dask cluster, samplers of sensitivity, and tables as Parquet.
+        "studies": ["distributed>=2024.5", "pyarrow>=15", "SALib>=1.5"],
         "test": [
             "click>=8.2",
             "hypothesis>=6.98",
@@ -62,14 +63,10 @@ setup(
             "nbclient>=0.10",
             "pin>=3.0",
             "playwright>=1.49",
-            "pyarrow>=15",
             "pytest>=9",
             "pytest-xdist>=3.4",
             "yeadon>=2.0.1",
         ],
-        # Studies: samplers of sensitivity, and runs as Parquet instead of CSV.
-        "studies": ["pyarrow>=15", "SALib>=1.5"],
-        "dask": ["distributed>=2024.5"],
         "docs": [
             "myst-parser>=4",
             "pydata-sphinx-theme>=0.16",

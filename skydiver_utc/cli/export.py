@@ -26,7 +26,7 @@ def export(folder: Path, forms: Sequence[str], out: Path | None) -> None:
         try:
             content = table(run, form) if form in FORMS else None
         except ModuleNotFoundError as error:
-            raise CommandError(f"--{form} needs {error.name}: pip install 'skydiver_utc[parquet]'") from error
+            raise CommandError(f"--{form} needs {error.name}: pip install 'skydiver_utc[studies]'") from error
         if content is None:
             # matplotlib is imported only for a figure.
             from skydiver_utc.analysis.figures import tracking_figure

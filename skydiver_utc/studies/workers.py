@@ -41,7 +41,7 @@ def _cluster(scheduler: str) -> Iterator[Executor]:
     try:
         from distributed import Client
     except ModuleNotFoundError as error:
-        raise ParameterError("--scheduler needs Dask: pip install skydiver_utc[dask]") from error
+        raise ParameterError("--scheduler needs Dask: pip install skydiver_utc[studies]") from error
     try:
         client = Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:
