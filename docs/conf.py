@@ -41,6 +41,7 @@ templates_path = ["site/templates"]
 html_css_files = ["site.css"]
 html_additional_pages = {"index": "redirect.html"}
 html_copy_source = False
+html_context = {"default_mode": "auto"}  # light or dark, as the reader has it
 html_theme_options = {
     "show_prev_next": False,
     "navigation_with_keys": False,

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the plant node publishes for displays, and that it costs nothing without them."""
 
+from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,16 +15,17 @@ from ros_fixtures import Ros, overrides
 from skydiver_utc.body.segments import build_body
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.plant_steps import PlantSteps
+from skydiver_utc.loop.registry import build_plant
+from skydiver_utc.messages import StepGrid
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.controller_node import ControllerNode
+from skydiver_utc.nodes.plant_display import PlantDisplay
 from skydiver_utc.nodes.plant_node import PlantNode
 from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.parameters import load_scenario
 
 pytest_plugins = ("ros_fixtures",)
 DISPLAYED = (topics.ROBOT_DESCRIPTION, topics.JOINT_STATES, topics.MARKERS, topics.TRANSFORMS)
-
-
 FRAMES = ("body", "base_link")
 
 
@@ -84,3 +88,24 @@ def test_markers_can_be_left_out(ros: Ros) -> None:
     plant: PlantNode = ros.add(PlantNode(ros.context, overrides(0.1, markers=False)))
     assert not plant.count_publishers("/skydiver/markers")
     assert plant.count_publishers("/skydiver/joint_states")
+
+
+def test_with_tf2_msgs_a_step_s_transforms_are_one_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a type that stands for tf2_msgs/TFMessage, of which PyPI has no wheel."""
+    of_tf = replace(topics.TRANSFORMS, name="/tf", type=SimpleNamespace)
+    monkeypatch.setattr(topics, "TRANSFORMS", of_tf)
+    sent: dict[str, list[Any]] = defaultdict(list)
+    scenario = load_scenario("fast_turn_unknown_dynamics")
+    node: Any = SimpleNamespace(
+        grid=StepGrid(scenario.stamp_ns(0), scenario.dt_ns),
+        scenario=scenario,
+        settings=SimpleNamespace(markers=False),
+        advertise=lambda topic: SimpleNamespace(
+            publish=sent[topic.name].append, get_subscription_count=lambda: topic is of_tf
+        ),
+    )
+    plant = build_plant(scenario)
+    PlantDisplay(node, plant).publish(0, plant.initial_state(), plant.initial_applied())
+    (message,) = sent["/tf"]
+    assert [transform.child_frame_id for transform in message.transforms] == list(FRAMES)
+    assert not sent["joint_states"]
