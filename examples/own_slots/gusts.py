@@ -20,11 +20,12 @@ class Gusts(Disturbance):
         )
 
     def __init__(self, settings: Settings, plant: Plant, dt_s: float, seed: tuple[int, int]) -> None:
-        self._random = np.random.default_rng(seed)
+        self._seed = seed
         self._share, self._size = settings.per_s * dt_s, np.deg2rad(settings.size_deg_s)
 
     def state(self, k: int, state: np.ndarray) -> np.ndarray:
         """The state (n,) at step k, after a gust if there is one."""
-        if self._random.random() >= self._share:
+        random = np.random.default_rng((*self._seed, k))  # the same bits for a step, in process and over ROS
+        if random.random() >= self._share:
             return state
-        return state + np.append(np.zeros(len(state) - 3), self._size * self._random.normal(size=3))
+        return state + np.append(np.zeros(len(state) - 3), self._size * random.normal(size=3))

@@ -112,10 +112,9 @@ def _stretches(recording: RecordedRun, run: Run, instead: Callable[[Scenario], S
         # The controller may predict with another plant than the recorded one.
         plant = model if scenario.plant == run.scenario.plant else build_plant(scenario)
         controller = build_controller(scenario, plant, recording.reference, delay_steps)
-        disturbances = build_disturbances(run.scenario, plant)
-        return Stretch(
-            row, Decider(controller, build_estimator(scenario, plant), plant, disturbances), control
-        )
+        disturbance = build_disturbances(run.scenario, recording.plant)
+        decider = Decider(controller, build_estimator(scenario, plant), plant, disturbance)
+        return Stretch(row, decider, control)
 
     begins = {}
     if run.first_step == 0:

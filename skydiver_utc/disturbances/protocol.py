@@ -7,13 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+STILL_AIR = np.zeros(3)
 
 
 class Disturbance(Protocol):
     """An influence on a run besides the controls; made as `Class(settings, plant, dt_s, seed)`.
 
-    A class that inherits from this one writes only the method that it needs.
+    A class that inherits from this one writes only the methods that it needs. Steps come in rising order, some may be
+    left out and some may come twice: what is random depends on seed and step alone (`Rows`).
     """
+
+    def wind(self, k: int) -> Array:
+        """Velocity of the air (3,) in the world at step k [m/s]; the winds of all disturbances add up."""
+        return STILL_AIR
 
     def state(self, k: int, state: Array) -> Array:
         """The plant's state (n,) at step k, disturbed."""
@@ -22,3 +28,6 @@ class Disturbance(Protocol):
     def measurement(self, k: int, state: Array) -> Array:
         """The measured state (n,) at step k."""
         return state
+
+    def reset(self) -> None:
+        """Forget the run so far."""

@@ -29,7 +29,7 @@ def simulate(
     plant = plant_steps.plant
     model = model_beside(plant, scenario)
     controller, estimator = build(scenario, model, reference), build_estimator(scenario, model)
-    decider = Decider(controller, estimator, model, plant_steps.disturbances)
+    decider = Decider(controller, estimator, model, plant_steps.disturbance)
     steps, m, width = scenario.steps, len(plant.control_names), controller.preview_steps + 1
     profile = np.ascontiguousarray(reference.preview(0, steps + width), dtype=float)
     states = np.empty((steps + 1, len(plant_steps.state)))

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 class Decider:
-    """A controller behind its estimator and the disturbances of its measurements; `solve_time_s` of the last decision.
+    """A controller behind its estimator and the disturbance of its measurements; `solve_time_s` of the last decision.
 
     For each step `decide`, then `predict`. Both know the plant's `model` only.
     """
@@ -28,16 +28,18 @@ class Decider:
         controller: Controller,
         estimator: Estimator,
         model: Plant,
-        disturbances: Sequence[Disturbance] = (),
+        disturbance: Disturbance | None = None,
     ) -> None:
         self.controller = controller
         self.solve_time_s = 0.0
-        self._estimator, self._model, self._disturbances = estimator, model, disturbances
+        self._estimator, self._model, self._disturbance = estimator, model, disturbance
         self._predicts = not isinstance(estimator, TrueState)
 
     def begin(self, control: Array | None = None) -> None:
         """Begin a run, or continue one from an applied control (m,)."""
         self._estimator.reset()
+        if self._disturbance is not None:
+            self._disturbance.reset()
         self._applied = np.array(self._model.initial_applied(), dtype=float)
         if control is None:
             self.controller.reset()
@@ -47,8 +49,8 @@ class Decider:
 
     def decide(self, k: int, state: Array, preview: Array) -> Decision:
         """The decision at the state (n,) of step k, with the reference (preview_steps + 1, l) from there on."""
-        for disturbance in self._disturbances:
-            state = disturbance.measurement(k, state)
+        if self._disturbance is not None:
+            state = self._disturbance.measurement(k, state)
         estimate = self._estimator.update(state)
         began_ns = time.perf_counter_ns()
         decision = self.controller.decide(estimate, preview)

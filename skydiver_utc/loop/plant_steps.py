@@ -21,7 +21,7 @@ class PlantSteps:
 
     def __init__(self, scenario: Scenario) -> None:
         self.plant = build_true_plant(scenario)
-        self.disturbances = build_disturbances(scenario, self.plant)
+        self.disturbance = build_disturbances(scenario, self.plant)
         self._scenario, self._steps = scenario, scenario.steps
         lag_s = scenario.truth.actuator_lag_s
         # Of the way to a held command in one step: the exact solution.
@@ -35,6 +35,7 @@ class PlantSteps:
         """Before a run."""
         self.k = -1
         self.state = np.array(self.plant.initial_state(), dtype=float)
+        self.disturbance.reset()
         self.applied = np.array(self.plant.initial_applied(), dtype=float)
         self._lagged = self.control
         self._monitor = OutcomeMonitor(self._scenario, self.plant)
@@ -52,9 +53,7 @@ class PlantSteps:
         before, self.applied = self.applied, self.plant.actuate(command, self.applied)
         state = self.plant.step(self.state, before, self.applied)
         self.k += 1
-        for disturbance in self.disturbances:
-            state = disturbance.state(self.k, state)
-        self.state = state
+        self.state = state = self.disturbance.state(self.k, state)
         return self._monitor.observe(self.k, state) and self.k < self._steps
 
     @property

@@ -19,8 +19,9 @@ from skydiver_utc.loop.registry import (
     build_controller,
     build_disturbances,
     build_estimator,
-    build_plant,
     build_reference,
+    build_true_plant,
+    model_beside,
     preview_steps,
 )
 from skydiver_utc.loop.tuned_scenario import TunedScenario
@@ -74,15 +75,16 @@ class ControllerNode(ScenarioNode):
         self._began_from: Vector | None = None  # the applied command that it begins from
         self._applied: Vector | None = None  # the newest applied command
         self.get_logger().info("building")
-        self._plant = build_plant(self.scenario)
+        true_plant = build_true_plant(self.scenario)
+        self._plant = model_beside(true_plant, self.scenario)
         self._reference = build_reference(self.scenario)
         self._preview = PreviewStore(len(self._reference.outputs))
         self._previewed = 0  # steps of the newest preview
         self._command = np.zeros(len(self._plant.control_names))
         self._out = ControllerTopics(self, self._plant.control_names)
-        disturbances = () if self._vehicle else build_disturbances(self.scenario, self._plant)
+        disturbance = None if self._vehicle else build_disturbances(self.scenario, true_plant)
         estimator = build_estimator(self.scenario, self._plant)
-        self._decider = Decider(self._build(self.scenario), estimator, self._plant, disturbances)
+        self._decider = Decider(self._build(self.scenario), estimator, self._plant, disturbance)
         self._use(self._decider.controller)
         self.subscribe(topics.REFERENCE_PREVIEW, self.on_preview)
         self.subscribe(topics.SCENARIO, self.on_scenario)

@@ -30,7 +30,12 @@ _SETTINGS, _PLANTS = "skydiver_utc.parameters", "skydiver_utc.plants"
 _ESTIMATORS = "skydiver_utc.estimators.true_state"
 _CONTROLLERS = "skydiver_utc.controllers"
 _RIVALS = f"{_CONTROLLERS}.settings"
-_GUST = "skydiver_utc.disturbances.gust:Gust"
+
+_DISTURBANCES = {
+    "steady_wind": "skydiver_utc.disturbances.wind:SteadyWind",
+    "gust": "skydiver_utc.disturbances.wind:Gust",
+    "dryden": "skydiver_utc.disturbances.dryden:DrydenTurbulence",
+}
 
 # References that are functions of time: the settings hold the formula.
 _CURVE = f"{_REFERENCES}.curve:CurveReference"
@@ -77,7 +82,7 @@ KINDS: Mapping[str, Mapping[str, Kind]] = {
     "estimator": {
         "true_state": Kind(f"{_ESTIMATORS}:TrueState.Settings", f"{_ESTIMATORS}:TrueState"),
     },
-    "disturbance": {"gust": Kind(f"{_GUST}.Settings", _GUST)},
+    "disturbance": {kind: Kind(f"{place}.Settings", place) for kind, place in _DISTURBANCES.items()},
 }
 
 

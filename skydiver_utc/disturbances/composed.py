@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All disturbances of a run as one."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.disturbances.air import in_moving_air
+from skydiver_utc.disturbances.protocol import STILL_AIR, Disturbance
+from skydiver_utc.parameters import ParameterError
+from skydiver_utc.plants.protocol import Plant
+
+Array = NDArray[np.float64]
+
+
+class Composed(Disturbance):
+    """Winds add up; changes of state and measurement follow one another in the order of the scenario.
+
+    In moving air the state's velocity is that relative to the air, on which the forces depend, and its place is
+    carried along; the measured velocity is that over ground, so that the controller does not know the wind.
+    """
+
+    def __init__(self, parts: Sequence[Disturbance], plant: Plant, dt_s: float) -> None:
+        self._parts, self._dt_s = parts, dt_s
+        self._winds = [part.wind for part in parts if _writes(part, "wind")]
+        self._states = [part.state for part in parts if _writes(part, "state")]
+        self._measurements = [part.measurement for part in parts if _writes(part, "measurement")]
+        self._step, self._wind = -1, STILL_AIR
+        if self._winds and plant.state_message != "odometry":
+            raise ParameterError(
+                "the plant's state has no velocity in the air: take the wind out, or fly a skydiver"
+            )
+
+    def wind(self, k: int) -> Array:
+        """Velocity of the air (3,) in the world at step k [m/s]."""
+        if k != self._step:
+            self._step, self._wind = k, sum((wind(k) for wind in self._winds), start=STILL_AIR)
+        return self._wind
+
+    def state(self, k: int, state: Array) -> Array:
+        """The plant's state (n,) at step k, disturbed."""
+        for disturbed in self._states:
+            state = disturbed(k, state)
+        if self._winds:
+            before, wind = self.wind(k - 1), self.wind(k)
+            state = in_moving_air(state, self._dt_s * wind, before - wind)
+        return state
+
+    def measurement(self, k: int, state: Array) -> Array:
+        """The measured state (n,) at step k."""
+        if self._winds:
+            state = in_moving_air(state, STILL_AIR, self.wind(k))
+        for measured in self._measurements:
+            state = measured(k, state)
+        return state
+
+    def reset(self) -> None:
+        """Forget the run so far."""
+        for part in self._parts:
+            part.reset()
+
+
+def _writes(part: Disturbance, name: str) -> bool:
+    return getattr(type(part), name) is not getattr(Disturbance, name)
