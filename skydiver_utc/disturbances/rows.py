@@ -20,6 +20,11 @@ class Rows:
         self._blocks = blocks
         self._begin()
 
+    def _begin(self) -> None:
+        self._source, self._newest = self._blocks(), 0
+        self._now: Array = next(self._source)
+        self._before = self._now
+
     def __getitem__(self, k: int) -> Array:
         block, row = divmod(k, BLOCK)
         if block < self._newest - 1:
@@ -30,8 +35,3 @@ class Rows:
             self._newest += 1
         found: Array = (self._now if block == self._newest else self._before)[row]
         return found
-
-    def _begin(self) -> None:
-        self._source, self._newest = self._blocks(), 0
-        self._now: Array = next(self._source)
-        self._before = self._now

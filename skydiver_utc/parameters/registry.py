@@ -35,6 +35,8 @@ _DISTURBANCES = {
     "steady_wind": "skydiver_utc.disturbances.wind:SteadyWind",
     "gust": "skydiver_utc.disturbances.wind:Gust",
     "dryden": "skydiver_utc.disturbances.dryden:DrydenTurbulence",
+    "measurement_error": "skydiver_utc.disturbances.measurement_error:MeasurementError",
+    "transmission": "skydiver_utc.disturbances.transmission:Transmission",
 }
 
 # References that are functions of time: the settings hold the formula.
