@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The picture of one run: the wanted and the actual outputs, their error, and the controls."""
 
+import itertools
 import textwrap
 from collections.abc import Callable
 from functools import partial
@@ -28,7 +29,7 @@ from skydiver_utc.analysis.style import (
     house_style,
     short,
 )
-from skydiver_utc.analysis.units import shown
+from skydiver_utc.analysis.units import in_degrees, shown
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
 from skydiver_utc.references.profiles import Rotation
@@ -81,6 +82,11 @@ def _panels(run: Run) -> list[Panel]:
             found.append((1.2 if several else 1.6, partial(_draw_error, run=run, j=j)))
     else:
         found += [(1.6, partial(_draw_output, run=run, name=name)) for name in run.plant.output_names]
+    by_unit: dict[str, list[str]] = {}
+    for name in run.disturbance_names:
+        if np.nan_to_num(run.disturbance[:, run.disturbance_names.index(name)]).any():
+            by_unit.setdefault(_of_disturbance(run, name)[0], []).append(name)
+    found += [(1.2, partial(_draw_disturbance, run=run, names=names)) for names in by_unit.values()]
     if is_skydiver(run.plant) and isinstance(run.scenario.reference, Rotation | Points):
         found.append((1.6, partial(_draw_angle, run=run)))
     return found
@@ -172,6 +178,25 @@ def _draw_angle(axes: Axes, run: Run) -> None:
         )  # fmt: skip
     axes.plot(run.time_s, turned, color=BLUE, linewidth=1.3)
     axes.set_ylabel(f"{'heading' if run.tracked_names == ('yaw_rate',) else 'pitch'}\nturned [deg]")
+
+
+def _of_disturbance(run: Run, name: str) -> tuple[str, float]:
+    """The label of its axis, and the factor to the unit in it."""
+    if name.startswith("wind_"):
+        return "wind [m/s]", 1.0
+    unit, factor = in_degrees(run.plant.units.get(name.removeprefix("error_"), "1"))
+    return f"measured\nless true [{unit}]", factor
+
+
+def _draw_disturbance(axes: Axes, run: Run, names: list[str]) -> None:
+    """Disturbances of one unit."""
+    label, factor = _of_disturbance(run, names[0])
+    for name, colour in zip(names, itertools.cycle(CONTROL_COLOURS), strict=False):
+        values = factor * run.disturbance[:, run.disturbance_names.index(name)]
+        shown_as = name.removeprefix("wind_").removeprefix("error_").replace("_", " ")
+        axes.plot(run.time_s, _drawn(values), color=colour, linewidth=0.9, label=shown_as)
+    axes.set_ylabel(label)
+    axes.legend(loc="upper right", ncols=len(names), borderaxespad=0.2)
 
 
 def _draw_control(axes: Axes, run: Run, j: int) -> None:

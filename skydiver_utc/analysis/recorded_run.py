@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows, stretches
 from skydiver_utc.loop.outcome import REACHED_THE_END, Outcome
-from skydiver_utc.loop.registry import build_reference, build_true_plant
+from skydiver_utc.loop.registry import build_disturbances, build_reference, build_true_plant
 from skydiver_utc.loop.run import ParameterChange, Run
 from skydiver_utc.messages import (
     MessageError,
@@ -86,6 +86,8 @@ class RecordedRun:
         absent = ~states.present[first : end + 1]
         absent[:-1] |= ~(commands.present & applied.present)[first:end]
         names, telemetry = self._telemetry(first, end)
+        acting = build_disturbances(self.scenario, self.plant).names
+        acted = self._steps.rows("disturbance", len(acting), lambda message: read_named(message, acting))
         own = [j for j, name in enumerate(names) if name not in (_SOLVE_TIME, _STATUS)]
         unknown = np.full(end - first, np.nan)
         lasts = {"state": states.last, "command": commands.last, "applied_command": applied.last}
@@ -106,6 +108,8 @@ class RecordedRun:
             reason=self._ending.get("reason") or self._without_an_outcome(end, lasts),
             wall_time_s=self._ending.get("wall_time_s", math.nan),
             changes=self.changes,
+            disturbance=acted.values[first : end + 1],
+            disturbance_names=acting,
             first_step=first,
             holes=tuple((first + begin, first + end) for begin, end in stretches(absent)),
         )

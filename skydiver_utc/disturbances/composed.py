@@ -27,6 +27,12 @@ class Composed(Disturbance):
         self._states = [part.state for part in parts if _writes(part, "state")]
         self._measurements = [part.measurement for part in parts if _writes(part, "measurement")]
         self._step, self._wind = -1, STILL_AIR
+        self._measured: tuple[int, Array, Array] | None = (
+            None  # newest step, its state over ground, what is measured
+        )
+        self.names: tuple[str, ...] = ("wind_x", "wind_y", "wind_z") if self._winds else ()
+        if self._measurements:
+            self.names += tuple(f"error_{name}" for name in plant.state_names)
         if self._winds and plant.state_message != "odometry":
             raise ParameterError(
                 "the plant's state has no velocity in the air: take the wind out, or fly a skydiver"
@@ -49,14 +55,28 @@ class Composed(Disturbance):
 
     def measurement(self, k: int, state: Array) -> Array:
         """The measured state (n,) at step k."""
+        if self._measured is not None and self._measured[0] == k:
+            return self._measured[2]
         if self._winds:
             state = in_moving_air(state, STILL_AIR, self.wind(k))
+        over_ground = state
         for measured in self._measurements:
             state = measured(k, state)
+        self._measured = (k, over_ground, state)
         return state
+
+    def acted(self, k: int, state: Array) -> Array:
+        """By `names`: the wind [m/s] and the error of what is measured at a state (n,) of step k."""
+        values = self.wind(k) if self._winds else np.empty(0)
+        if self._measurements:
+            measured = self.measurement(k, state)
+            assert self._measured is not None
+            values = np.append(values, measured - self._measured[1])
+        return values
 
     def reset(self) -> None:
         """Forget the run so far."""
+        self._measured = None
         for part in self._parts:
             part.reset()
 

@@ -36,7 +36,9 @@ class Transmission(Disturbance):
         self._delay, self._jitter = round(settings.delay_s / dt_s), round(settings.jitter_s / dt_s)
         self._loss, self._seed = settings.loss, seed
         self._arrivals = Rows(self._blocks)
-        self.reset()
+        self._states: dict[int, Array] = {}  # by step: the one in use, and those that may still arrive
+        self._due: dict[int, float] = {}  # by step: the step at which its state arrives
+        self._newest = self._next = 0  # the newest that has arrived, and the first that is not due yet
 
     def measurement(self, k: int, state: Array) -> Array:
         """The state (n,) that arrived last at step k."""
@@ -54,9 +56,7 @@ class Transmission(Disturbance):
 
     def reset(self) -> None:
         """Forget all states."""
-        self._states: dict[int, Array] = {}  # by step: the one in use, and those that may still arrive
-        self._due: dict[int, float] = {}  # by step: the step at which its state arrives
-        self._newest = self._next = 0  # the newest that has arrived, and the first that is not due yet
+        self._states, self._due = {}, {}
 
     def _blocks(self) -> Iterator[Array]:
         """The step at which the state of each step arrives (BLOCK, 1), infinite where it is lost."""

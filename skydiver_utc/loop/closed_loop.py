@@ -36,6 +36,8 @@ def simulate(
     commands, applied = np.empty((steps, m)), np.empty((steps, m))
     telemetry = np.empty((steps, len(controller.telemetry_names)))
     solve_time_s, status = np.empty(steps), np.empty(steps)
+    disturbance = plant_steps.disturbance
+    acted = np.empty((steps + 1, len(disturbance.names)))
     states[0] = plant_steps.state
 
     # Compiled before the clock starts.
@@ -48,6 +50,8 @@ def simulate(
         decision = decider.decide(k, states[k], profile[k : k + width])
         solve_time_s[k] = decider.solve_time_s
         commands[k], telemetry[k], status[k] = decision.control, decision.telemetry, decision.status
+        if disturbance.names:
+            acted[k] = disturbance.acted(k, states[k])
         goes_on = plant_steps.step(decision.control)
         applied[k] = plant_steps.control
         decider.predict()
@@ -57,6 +61,7 @@ def simulate(
             break
         if progress is not None and k % max(1, steps // 50) == 0:
             progress(k, steps)
+    acted[flown] = disturbance.acted(flown, states[flown])
     wall_time_s = time.perf_counter() - start
     if progress is not None:
         progress(flown, steps)
@@ -76,4 +81,6 @@ def simulate(
         outcome=plant_steps.outcome,
         reason=plant_steps.reason,
         wall_time_s=wall_time_s,
+        disturbance=acted[: flown + 1],
+        disturbance_names=disturbance.names,
     )

@@ -6,7 +6,6 @@ from typing import Any
 from skydiver_utc.controllers.delay import DelayCompensation
 from skydiver_utc.controllers.protocol import Controller
 from skydiver_utc.disturbances.composed import Composed
-from skydiver_utc.disturbances.protocol import Disturbance
 from skydiver_utc.estimators.protocol import Estimator
 from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.parameters.registry import factory
@@ -79,7 +78,7 @@ def build_estimator(scenario: Scenario, plant: Plant) -> Estimator:
     return estimator
 
 
-def build_disturbances(scenario: Scenario, plant: Plant) -> Disturbance:
+def build_disturbances(scenario: Scenario, plant: Plant) -> Composed:
     """The disturbances in the order of the scenario, each with a seed of its own, as one; `plant` is the true one."""
     parts = [
         _build("disturbance", settings, plant, scenario.dt_s, (scenario.seed, i))

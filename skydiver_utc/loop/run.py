@@ -3,7 +3,7 @@
 
 import operator
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -18,7 +18,7 @@ from skydiver_utc.plants.protocol import Plant
 Array = NDArray[np.float64]
 _DELAY = "delay_steps"
 # The arrays with a row for each state, and for each step.
-_OF_STATES = ("states", "reference")
+_OF_STATES = ("states", "reference", "disturbance")
 _OF_STEPS = ("commands", "applied", "telemetry", "solve_time_s", "status")
 
 
@@ -56,6 +56,7 @@ class Run:
     reference (K+1, l) of the outputs (or controls) `tracked_names`
     telemetry (K, t) by `telemetry_names`; of each controller call solve_time_s (K,) and status (K,), the number of
     a `Status`; NaN where a recording lacks it
+    disturbance (K+1, d) by `disturbance_names`: the wind (`wind_x`, [m/s]), and measured less true state (`error_wx`)
     changes: parameters that were changed during the run; `scenario` is that of its start
     """
 
@@ -77,6 +78,8 @@ class Run:
     changes: tuple[ParameterChange, ...] = ()
     first_step: int = 0
     holes: tuple[tuple[int, int], ...] = ()
+    disturbance: Array = field(default_factory=lambda: np.empty((0, 0)))
+    disturbance_names: tuple[str, ...] = ()
 
     @property
     def time_s(self) -> Array:

@@ -53,7 +53,8 @@ class PlantNode(ScenarioNode):
         self._pace: RealTimePace | None = None
         self.get_logger().info("building")
         self._run = PlantSteps(self.scenario)
-        self._out, self._display = PlantTopics(self, self._run.plant), PlantDisplay(self, self._run.plant)
+        self._out = PlantTopics(self, self._run.plant, self._run.disturbance)
+        self._display = PlantDisplay(self, self._run.plant)
         real_time = self.settings.mode == "real_time"
         qos = topics.EACH_AS_IT_COMES if real_time else None
         self._commands = self.subscribe(topics.COMMAND, self.on_command, qos)

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
+from skydiver_utc.disturbances.composed import Composed
 from skydiver_utc.messages import fill_named, fill_state
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.node import ScenarioNode
@@ -17,14 +18,16 @@ Vector = NDArray[np.float64]
 class PlantTopics:
     """The publishers of a plant, and their messages."""
 
-    def __init__(self, node: ScenarioNode, plant: Plant) -> None:
-        self._grid, self._plant = node.grid, plant
+    def __init__(self, node: ScenarioNode, plant: Plant, disturbance: Composed) -> None:
+        self._grid, self._plant, self._disturbance = node.grid, plant, disturbance
         state_type = topics.STATE_TYPES[plant.state_message]
         # Before the clock: a reference that has discovered the clock waits for the scenario, too.
         self.scenario = node.advertise(topics.SCENARIO)
         self.state = node.advertise(topics.STATE.of_type(state_type))
         self._clock = node.advertise(topics.CLOCK)
         self._applied = node.advertise(topics.APPLIED_COMMAND)
+        self._acted = node.advertise(topics.DISTURBANCE) if disturbance.names else None
+        self._acted_message = JointState(name=list(disturbance.names))
         self.outcome = node.advertise(topics.OUTCOME)
         self._state_message = state_type()
         if plant.state_message == "odometry":
@@ -40,6 +43,9 @@ class PlantTopics:
         self.state.publish(fill_state(self._state_message, state))
         self._grid.set_stamp(self._clock_message.clock, k)
         self._clock.publish(self._clock_message)
+        if self._acted is not None:
+            self._grid.set_stamp(self._acted_message.header.stamp, k)
+            self._acted.publish(fill_named(self._acted_message, self._disturbance.acted(k, state)))
 
     def publish_applied(self, k: int, applied: Vector) -> None:
         """The control of the actuators' state (a,) from step k on."""

@@ -79,6 +79,7 @@ class Topic:
 SCENARIO = Topic("scenario", String, LATCHED)
 CLOCK = Topic("/clock", Clock, EACH_STEP, fewer_than_states=0, needed=True)
 STATE = Topic("state", Odometry, EACH_STEP, (CONTROLLER,), fewer_than_states=0, needed=True)
+DISTURBANCE = Topic("disturbance", JointState, EACH_STEP, fewer_than_states=0)
 REFERENCE_PREVIEW = Topic("reference", JointTrajectory, CHUNKS, needed=True)
 SETPOINT = Topic("reference/setpoint", JointState, EACH_STEP, fewer_than_states=0)
 CHANGES = Topic("changes", String, EACH_STEP)
@@ -103,6 +104,7 @@ TOPICS = (
     SCENARIO,
     CLOCK,
     STATE,
+    DISTURBANCE,
     STICK,
     REFERENCE_PREVIEW,
     SETPOINT,

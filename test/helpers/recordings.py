@@ -104,6 +104,9 @@ def messages_of(run: Run, run_id: str = "") -> list[Message]:
         found.append(state(run, k, run.states[k]))
         setpoint = named(scenario, k, run.tracked_names, run.reference[k])
         found.append(("reference/setpoint", JOINTS, k, setpoint))
+        if run.disturbance_names:
+            acting = named(scenario, k, run.disturbance_names, run.disturbance[k])
+            found.append(("disturbance", JOINTS, k, acting))
     for k in range(len(run.commands)):
         values = [*run.telemetry[k], run.solve_time_s[k], run.status[k]]
         found.append(command(run, k, run.commands[k]))

@@ -5,8 +5,11 @@ from pathlib import Path
 
 import numpy as np
 from own_slots import CART, cart_file
+from recordings import with_previews, write_run
 from ros_fixtures import JOINT_STATE, Ros, Spectator, overrides
 
+from skydiver_utc.analysis.controller_check import check
+from skydiver_utc.analysis.recorded_run import RecordedRun
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
@@ -76,6 +79,40 @@ def test_the_skydiver_flies_as_in_process(ros: Ros) -> None:
     joints = spectator.received[topics.JOINT_STATES]
     assert len(joints) >= 0.3 * 20
     assert set(joints[0].name) == set(run.plant.joint_names)
+
+
+DISTURBED = """
+extends: fast_turn_pi_dynamics
+name: disturbed
+duration_s: 0.8
+seed: 5
+truth:
+  actuator_lag_s: 0.03
+  ratios: {mass: 1.1, inertia: 0.9, pattern: 0.9}
+  initial: {bank_deg: 10.0}
+disturbances:
+  - {kind: steady_wind, speed_m_s: 5.0, to_deg: 0.0}
+  - {kind: dryden, sigma_m_s: 3.0}
+  - {kind: measurement_error, noise: {attitude_deg: 0.5, velocity_m_s: 0.3, rates_deg_s: 1.0}, drift: {wz: 0.05}}
+  - {kind: transmission, delay_s: 0.0084, jitter_s: 0.0084, loss: 0.1}
+"""
+
+
+def test_errors_of_plant_air_and_measurement_act_as_in_process_and_in_the_check(
+    ros: Ros, tmp_path: Path
+) -> None:
+    path = tmp_path / "disturbed.yaml"
+    path.write_text(DISTURBED, encoding="utf-8")
+    plant, spectator = fly(ros, {"scenario": str(path)})
+    run = simulate(load_scenario(str(path)))
+    assert_equal(plant, spectator, run)
+    assert_named(spectator.received[topics.DISTURBANCE], run.disturbance_names, run.disturbance)
+    assert {"wind_z", "error_qx", "error_wz"} <= set(run.disturbance_names)
+
+    folder = write_run(tmp_path / "run", run, with_previews(run))
+    recording = RecordedRun(folder)
+    assert recording.run().disturbance.tobytes() == run.disturbance.tobytes()
+    assert check(recording).equal
 
 
 def test_a_plant_and_a_controller_of_ones_own_run_as_in_process(ros: Ros, tmp_path: Path) -> None:
