@@ -196,7 +196,7 @@ def _draw_disturbance(axes: Axes, run: Run, names: list[str]) -> None:
         shown_as = name.removeprefix("wind_").removeprefix("error_").replace("_", " ")
         axes.plot(run.time_s, _drawn(values), color=colour, linewidth=0.9, label=shown_as)
     axes.set_ylabel(label)
-    axes.legend(loc="upper right", ncols=len(names), borderaxespad=0.2)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.96), ncols=len(names), borderaxespad=0.0)
 
 
 def _draw_control(axes: Axes, run: Run, j: int) -> None:

@@ -36,27 +36,28 @@ class Transmission(Disturbance):
         self._delay, self._jitter = round(settings.delay_s / dt_s), round(settings.jitter_s / dt_s)
         self._loss, self._seed = settings.loss, seed
         self._arrivals = Rows(self._blocks)
-        self._states: dict[int, Array] = {}  # by step: the one in use, and those that may still arrive
-        self._due: dict[int, float] = {}  # by step: the step at which its state arrives
-        self._newest = self._next = 0  # the newest that has arrived, and the first that is not due yet
+        self._states: dict[int, Array] = {}  # by step: the one in use, and later ones
+        self._arriving: dict[float, int] = {}  # by the step at which it arrives: the step of a state
+        self._used = self._newest = self._next = 0
 
     def measurement(self, k: int, state: Array) -> Array:
         """The state (n,) that arrived last at step k."""
         if not self._states:
-            self._newest = self._next = k
+            self._used = self._newest = self._next = k
         self._states[k] = state.copy()
-        while self._next <= k:
-            self._due[self._next] = float(self._arrivals[self._next][0])
-            self._next += 1
-        self._newest = max([self._newest, *(j for j, at in self._due.items() if at <= k)])
-        self._due = {j: at for j, at in self._due.items() if j > self._newest and at < np.inf}
-        used = max((j for j in self._states if j <= self._newest), default=min(self._states))
-        self._states = {j: known for j, known in self._states.items() if j >= used}
+        for step in range(self._next, k + 1):
+            self._arriving[self._arrivals[step][0]] = step  # of several at once the newest counts
+            self._newest = max(self._newest, self._arriving.pop(step, -1))
+        self._next = k + 1
+        used = next(j for j in range(self._newest, self._used - 1, -1) if j in self._states)
+        for j in range(self._used, used):
+            self._states.pop(j, None)
+        self._used = used
         return self._states[used]
 
     def reset(self) -> None:
         """Forget all states."""
-        self._states, self._due = {}, {}
+        self._states, self._arriving = {}, {}
 
     def _blocks(self) -> Iterator[Array]:
         """The step at which the state of each step arrives (BLOCK, 1), infinite where it is lost."""
