@@ -67,12 +67,12 @@ class Composed(Disturbance):
 
     def acted(self, k: int, state: Array) -> Array:
         """By `names`: the wind [m/s] and the error of what is measured at a state (n,) of step k."""
-        values = self.wind(k) if self._winds else np.empty(0)
+        values = [self.wind(k)] if self._winds else [np.empty(0)]
         if self._measurements:
             measured = self.measurement(k, state)
             assert self._measured is not None
-            values = np.append(values, measured - self._measured[1])
-        return values
+            values.append(measured - self._measured[1])
+        return np.concatenate(values)
 
     def reset(self) -> None:
         """Forget the run so far."""
