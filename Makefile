@@ -83,7 +83,7 @@ highest:
 	$(MAKE) test-fast PYTHON=$(HIGHEST_PYTHON) VENV=build/highest
 
 fuzz: $(STAMP)
-	SKYDIVER_UTC_FUZZ=$(FUZZ) SKYDIVER_UTC_FUZZ_SEED=$(SEED) $(VENV)/bin/pytest -q -n auto test/fuzz $(ARGS)
+	SKYDIVER_UTC_FUZZ=$(FUZZ) SKYDIVER_UTC_FUZZ_SEED=$(SEED) $(VENV)/bin/pytest -q -n auto -o faulthandler_timeout=3600 test/fuzz $(ARGS)
 
 mutants: $(STAMP)
 	nice $(VENV)/bin/python -u benchmarks/mutants.py --count $(MUTANTS) --seed $(SEED) $(ARGS)
