@@ -129,7 +129,7 @@ def law_of(
         Pu=Pu.copy(),
         repaired_Pu=np.empty((m, m)),
         gain=np.zeros((m, L)),
-        effect=np.zeros(L),
+        unmoved=np.zeros(len(of.names)),
         alive=np.ones(points),
         spread=np.ones(1),
         watch=np.full(2 + L, np.inf),

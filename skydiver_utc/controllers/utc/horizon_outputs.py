@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The outputs that a step of UTC predicts: their names, the covariance of their errors, constant references, angles."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -100,11 +98,6 @@ class HorizonOutputs:
         turns = np.where(np.isin(columns, self.angles), np.round(found / (2.0 * np.pi)), 0.0)
         wrapped: Array = found - 2.0 * np.pi * turns
         return wrapped
-
-    def unmoved(self, effect: Array, least: float) -> Sequence[str]:
-        """Names of outputs of which no control explains more than a share of P_err; effect (L,)."""
-        of_steps = (effect > least * self.P_err.diagonal())[: self.size].reshape(self._steps, -1)
-        return [name for k, name in enumerate(self.names) if not of_steps[:, k].any()]
 
     def _set_error(self, tracked: Array) -> None:
         of_step = np.diag([0.0] * len(self.tracked) + self._further)

@@ -50,7 +50,7 @@ class Law(NamedTuple):
     offset (L,): what the plant's output is above the model's, as estimated
     reference, mean output, predicted and innovation (L,), control (m,), Pu (m, m): moved on by each step
     repaired_Pu (m, m): Pu without eigenvalues below the floor
-    gain (m, L): K; effect (L,): the square of what one control, over its range, moves an output
+    gain (m, L): K; unmoved (per_step,): 1 for the outputs that no control moves over its range, else 0
     alive (2m+1,): 1 for the points that did not diverge, else 0
     spread (1,): at which share of their distance from the centre points are drawn
     watch (2 + L,): the smallest innovation since the reference last moved, in units of sqrt(P_err), the steps since
@@ -86,7 +86,7 @@ class Law(NamedTuple):
     Pu: Array
     repaired_Pu: Array
     gain: Array
-    effect: Array
+    unmoved: Array
     alive: Array
     spread: Array
     watch: Array

@@ -44,10 +44,8 @@ class Tunable:
     _telemetry_names: tuple[str, ...]
     _roll: Callable[[Array, Array, Array], None]
     _out: Array
-
-    def _make(self, *made_of: Any) -> None:
-        """Begin anew with other settings, plant, outputs and dynamics."""
-        raise NotImplementedError
+    # Begins anew with other settings, plant, outputs and dynamics.
+    _make: Callable[..., None]
 
     @property
     def settings(self) -> UtcSettings:

@@ -2,6 +2,7 @@
 """The Unscented Transform Controller, for any plant."""
 
 from collections.abc import Callable, Sequence
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,6 @@ from skydiver_utc.controllers.utc.output_offset import OutputOffset
 from skydiver_utc.controllers.utc.result import GROWN, UtcResult
 from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
 from skydiver_utc.controllers.utc.tunable import Tunable
-from skydiver_utc.controllers.utc.verdict import LEAST_EFFECT
 from skydiver_utc.parameters.conversion import checked
 from skydiver_utc.plants.function import FunctionPlant, numbers
 from skydiver_utc.plants.protocol import Plant
@@ -225,7 +225,7 @@ class UnscentedTransformController(Tunable):
             lost=lost,
             cause=self._roll_out.cause,
             spread=float(law.spread[0]),
-            unmoved=tuple(of.unmoved(law.effect, LEAST_EFFECT)) if status is Status.NO_EFFECT else (),
+            unmoved=tuple(compress(of.names, law.unmoved)) if status is Status.NO_EFFECT else (),
             recovery=recovery,
             status=status,
             before=before,

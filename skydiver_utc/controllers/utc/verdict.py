@@ -19,22 +19,19 @@ LEAST_PROGRESS = 1e-2
 
 @kernel
 def without_effect(law: Any, Pu: Array, C_uy: Array) -> bool:
-    """Whether some output is moved by no control at any step of the horizon; writes `effect`."""
-    of_plant = law.per_step * law.steps.shape[0]
-    for k in range(of_plant):
-        law.effect[k] = 0.0
-        for a in range(Pu.shape[0]):
-            if Pu[a, a] > 0.0:
-                # Pu shrinks on a bound, the range of a control does not.
-                span = law.limits[1, a] - law.limits[0, a]
-                reach = span * span if span < np.inf else Pu[a, a]
-                law.effect[k] = max(law.effect[k], (C_uy[a, k] / Pu[a, a]) ** 2 * reach)
+    """Whether some output is moved by no control at any step of the horizon; `unmoved` becomes 1 for those, else 0."""
     found = False
     for k in range(law.per_step):
-        unmoved = True
-        for t in range(k, of_plant, law.per_step):
-            unmoved = unmoved and law.effect[t] <= LEAST_EFFECT * law.P_err[t, t]
-        found = found or unmoved
+        law.unmoved[k] = 1.0
+        for t in range(k, law.per_step * law.steps.shape[0], law.per_step):
+            for a in range(Pu.shape[0]):
+                if Pu[a, a] > 0.0:
+                    # Pu shrinks on a bound, the range of a control does not.
+                    span = law.limits[1, a] - law.limits[0, a]
+                    reach = span * span if span < np.inf else Pu[a, a]
+                    if not (C_uy[a, t] / Pu[a, a]) ** 2 * reach <= LEAST_EFFECT * law.P_err[t, t]:
+                        law.unmoved[k] = 0.0
+        found = found or law.unmoved[k] > 0.0
     return found
 
 
