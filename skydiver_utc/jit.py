@@ -14,7 +14,9 @@ nothing is kept.
 """
 
 import hashlib
+import importlib
 import marshal
+import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cached_property, lru_cache, partial
@@ -42,6 +44,22 @@ _OPTIONS: Any = {
     "no_cfunc_wrapper": True,
 }
 _ROOMS_WITH_KERNELS = ("body", "plants", "unscented", "controllers", "estimators", "disturbances")
+
+
+class _Blas(ModuleType):
+    """In the place of SciPy's BLAS, which numba looks for at each start, until machine code asks for a routine.
+
+    Its import brings all of scipy.linalg, a tenth of the time of a start; kernels of this package use no BLAS.
+    """
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__") and name != "__pyx_capi__":
+            raise AttributeError(name)
+        sys.modules.pop(self.__name__, None)
+        return getattr(importlib.import_module(self.__name__), name)
+
+
+sys.modules.setdefault("scipy.linalg.cython_blas", _Blas("scipy.linalg.cython_blas"))
 
 
 def kernel(function: _Function) -> _Function:
