@@ -98,6 +98,7 @@ def test_links_in_a_run_folder_lead_nowhere(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize("option", [(), ("--json",)])
+@pytest.mark.long
 def test_a_full_stdout_is_one_sentence(scenario: Path, option: tuple[str, ...]) -> None:
     with Path("/dev/full").open("w") as full:
         command = [sys.executable, "-m", "skydiver_utc", "simulate", str(scenario), "--quiet", *option]
@@ -124,6 +125,7 @@ def test_a_name_is_text_everywhere(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.skipif(shutil.which("script") is None, reason="needs script, which makes a terminal")
+@pytest.mark.long
 def test_a_name_is_text_at_a_terminal(scenario: Path) -> None:
     scenario.write_text(FLOWN.replace("name: cart", "name: '[/b]x'"))
     command = (sys.executable, "-m", "skydiver_utc", "simulate", str(scenario))

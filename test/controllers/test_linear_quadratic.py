@@ -98,6 +98,7 @@ def test_reduced_states_forget_position_and_heading_only():
     np.testing.assert_allclose(reduced(expanded(reduced(states[0]))), reduced(states[0]), atol=1e-15)
 
 
+@pytest.mark.long
 def test_the_linearised_step_has_the_eigenvalues_of_the_linearised_fall(skydiver):
     """Those of the continuous model, in other coordinates, put through the Runge-Kutta method's polynomial."""
     model, control, linear = skydiver

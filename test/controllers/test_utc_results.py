@@ -189,6 +189,7 @@ def reactor(x, u, dt):
     return x
 
 
+@pytest.mark.long
 def test_a_reactor_comes_to_its_concentration():
     """do-mpc's example without its parameters' uncertainty: C_b to 0.6 mol/l and T to 134 degrees, in steps of 18 s."""
     drive = controller(
@@ -215,6 +216,7 @@ def hand(x):
 
 
 @pytest.mark.parametrize(("place", "reached"), [([0.5, 1.2], True), ([2.0, 1.2], False)])
+@pytest.mark.long
 def test_an_arm_tells_whether_its_hand_reaches_a_place(place, reached):
     """The hand can be up to 2 away; the second place is 2.33 away."""
     x = np.array([0.3, 0.8, 0.0, 0.0])
@@ -316,6 +318,7 @@ def test_a_variance_that_grows_unseen_is_told_with_its_remedies():
     assert "nominal" in result.sentence
 
 
+@pytest.mark.long
 def test_a_turn_that_ends_comes_to_rest():
     """fast_turn_pi_dynamics, 300 deg/s at 0.2 Hz until 10 s: damping and alpha would stay on their upper bounds."""
     turn = [(float(t), 300.0 * np.sin(0.4 * np.pi * t)) for t in np.arange(0.0, 10.0, 0.05)]
