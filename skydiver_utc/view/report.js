@@ -14,7 +14,7 @@ const colour = (name) => getComputedStyle(document.documentElement).getPropertyV
 const shown = (value) => !Number.isFinite(value) ? "–"
   : value !== 0 && (Math.abs(value) >= 1e5 || Math.abs(value) < 1e-3) ? value.toExponential(2)
   : String(Number(value.toPrecision(4)));
-const LEFT = 52, BELOW = 20, TOP = 6;
+const LEFT = 52, RIGHT = 16, BELOW = 20, TOP = 6;
 const view = { begin: data.begin, end: data.end };
 
 // The index of the last sample at or before a time, -1 before the first.
@@ -55,10 +55,10 @@ class Chart {
     new ResizeObserver(() => { this.draw(); this.point(cursor); }).observe(this.plot);
   }
 
-  x(t) { return LEFT + (this.plot.clientWidth - LEFT - 8) * (t - view.begin) / (view.end - view.begin); }
+  x(t) { return LEFT + (this.plot.clientWidth - LEFT - RIGHT) * (t - view.begin) / (view.end - view.begin); }
   time(event) {
     const box = this.plot.getBoundingClientRect();
-    const share = (event.clientX - box.left - LEFT) / (box.width - LEFT - 8);
+    const share = (event.clientX - box.left - LEFT) / (box.width - LEFT - RIGHT);
     return view.begin + Math.min(1, Math.max(0, share)) * (view.end - view.begin);
   }
 
@@ -95,13 +95,13 @@ class Chart {
     pen.textAlign = "right"; pen.textBaseline = "middle";
     for (const value of ticks(low, high, Math.max(2, height / 45))) {
       const at = Math.round(y(value)) + 0.5;
-      pen.beginPath(); pen.moveTo(LEFT, at); pen.lineTo(width - 8, at); pen.stroke();
+      pen.beginPath(); pen.moveTo(LEFT, at); pen.lineTo(width - RIGHT, at); pen.stroke();
       pen.fillText(shown(value), LEFT - 6, at);
     }
     pen.textAlign = "center"; pen.textBaseline = "top";
     for (const t of ticks(view.begin, view.end, Math.max(2, width / 90))) pen.fillText(`${shown(t)} s`, this.x(t), bottom + 5);
     pen.save();
-    pen.beginPath(); pen.rect(LEFT, TOP - 2, width - LEFT - 8, bottom - TOP + 4); pen.clip();
+    pen.beginPath(); pen.rect(LEFT, TOP - 2, width - LEFT - RIGHT, bottom - TOP + 4); pen.clip();
     this.shade(pen, y, bottom, width);
     for (const curve of this.curves) curve.role === "band" ? this.band(pen, curve, y) : this.curve(pen, curve, y);
     pen.restore();
@@ -117,12 +117,12 @@ class Chart {
     if (!limits) return;
     if (section === "Tracking") {
       pen.fillStyle = colour("c2"); pen.globalAlpha = 0.16;
-      pen.fillRect(LEFT, y(limits[1]), width - LEFT - 8, y(limits[0]) - y(limits[1]));
+      pen.fillRect(LEFT, y(limits[1]), width - LEFT - RIGHT, y(limits[0]) - y(limits[1]));
       pen.globalAlpha = 1;
       return;
     }
     pen.strokeStyle = colour("soft"); pen.setLineDash([5, 4]);
-    for (const edge of limits) if (edge !== null) { pen.beginPath(); pen.moveTo(LEFT, y(edge)); pen.lineTo(width - 8, y(edge)); pen.stroke(); }
+    for (const edge of limits) if (edge !== null) { pen.beginPath(); pen.moveTo(LEFT, y(edge)); pen.lineTo(width - RIGHT, y(edge)); pen.stroke(); }
     pen.setLineDash([]);
   }
 
@@ -251,7 +251,11 @@ for (const spec of data.charts) {
 }
 setCursor(data.begin);
 document.addEventListener("keydown", keys);
-frame?.addEventListener("load", () => frame.contentWindow.addEventListener("keydown", keys, true));
+frame?.addEventListener("load", () => {
+  frame.contentWindow.addEventListener("keydown", keys, true);
+  // A note on a missing graphics card would cover the bodies.
+  make("style", frame.contentDocument.head, "", ".mantine-Notifications-root { display: none }");
+});
 document.getElementById("play").addEventListener("click", toggle);
 document.getElementById("whole").addEventListener("click", () => zoom(data.begin, data.end));
 for (const still of document.querySelectorAll("[data-time]")) still.addEventListener("click", () => seek(Number(still.dataset.time)));

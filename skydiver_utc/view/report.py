@@ -52,6 +52,7 @@ def report_html(flown: Sequence[Flown]) -> str:
         ),
         stills=_stills(first) if alone and seen else "",
         metrics=_table(flown),
+        heading="alone" if alone else "",
         columns="two" if seen else "",
         hints=_KEYS,
         bodies='<iframe id="bodies" title="the bodies in 3-D"></iframe>' if seen else "",
@@ -70,7 +71,8 @@ def _sentence(one: Flown, alone: bool) -> str:
     for name, found in one.metrics["outputs"].items():
         scale = shown(run.plant, name)
         if found["rmse"] is not None:
-            facts.append(f"{scale.name} with RMSE {scale.factor * found['rmse']:.3g} {scale.unit}")
+            of = f" of {scale.name}" if len(one.metrics["outputs"]) > 1 else ""
+            facts.append(f"RMSE{of} {scale.factor * found['rmse']:.3g} {scale.unit}")
     since = one.metrics["convergence_time_s"]
     facts += [f"inside 5 % from {since:.2f} s on"] if since is not None else []
     words = " and ".join(name.replace("_", " ") for name in run.tracked_names)
@@ -130,7 +132,7 @@ def _notes(flown: Sequence[Flown]) -> str:
     still = sorted({name.replace("_", " ") for one in flown for name in silent(one.run)})
     return _paragraphs(
         ("soft", f"Zero throughout, without a chart: {', '.join(still)}." if still else ""),
-        ("soft", "A curve of more than 2000 steps is drawn by the smallest and the largest value of each of 1000"
+        ("soft", "A curve of more than 1200 steps is drawn by the smallest and the largest value of each of 600"
          " stretches; `skydiver-utc export` gives every step."),
     )  # fmt: skip
 

@@ -13,9 +13,12 @@ from skydiver_utc.analysis.units import shown
 from skydiver_utc.loop.run import Run
 
 Floats = NDArray[np.float64]
-_BUCKETS = 1000  # of a curve, each with its smallest and its largest value
+_BUCKETS = 600  # of a curve, each with its smallest and its largest value
 _LARGEST = 1e30  # of an axis
 _DEVIATION = "std_"
+# Telemetry of an estimator: normalised innovation squared, by sensor; estimates and their deviations, by state.
+_NIS, _ESTIMATE, _ESTIMATED = "nis_", "estimate_", "deviation_"
+_OF_ESTIMATOR = (_NIS, _ESTIMATE, _ESTIMATED, "innovation_")
 
 
 class Signal(NamedTuple):
@@ -39,7 +42,7 @@ def signals(run: Run) -> list[Signal]:
     """All signals of a run; of the controller's telemetry those that are not zero throughout."""
     body = _motion(run) if run.plant.state_message == "odometry" else _states(run)
     told = [one for one in _calls(run) if np.nan_to_num(one.values).any()]
-    return [*_tracked(run), *_controls(run), *body, *told]
+    return [*_tracked(run), *_controls(run), *body, *told, *_estimates(run)]
 
 
 def silent(run: Run) -> list[str]:
@@ -118,9 +121,31 @@ def _calls(run: Run) -> Iterator[Signal]:
         if first in ("predicted", "innovation") and rest in run.plant.output_names:
             scale = shown(run.plant, rest)
             yield Signal("Controller", first, scale.unit, scale.name, scale.factor * values, "value", True)
-        elif not name.startswith(_DEVIATION):
+        elif not name.startswith((_DEVIATION, *_OF_ESTIMATOR)):
             words = name.replace("_", " ")
             yield Signal("Controller", words, "1", words, values, "value", True)
+
+
+def _estimates(run: Run) -> Iterator[Signal]:
+    """Of an estimator with sensors: whether its innovations and its errors are as large as it expects."""
+    telemetry = dict(zip(run.telemetry_names, run.telemetry.T, strict=True))
+    for name, values in telemetry.items():
+        if name.startswith(_NIS):
+            sensor = name.removeprefix(_NIS).replace("_", " ")
+            yield Signal("Estimator", f"{sensor}: innovation squared (NIS)", "1", "NIS", values)
+    for state, actual in zip(run.plant.state_names, run.states[:-1].T, strict=True):
+        if _ESTIMATE + state not in telemetry or _ESTIMATED + state not in telemetry:
+            continue
+        scale = shown(run.plant, state)
+        chart, error = (
+            f"{scale.name}: error of the estimate",
+            scale.factor * (actual - telemetry[_ESTIMATE + state]),
+        )
+        deviation = 2.0 * scale.factor * telemetry[_ESTIMATED + state]
+        yield Signal(
+            "Estimator", chart, scale.unit, "two deviations", np.stack([-deviation, deviation]), "band"
+        )
+        yield Signal("Estimator", chart, scale.unit, "error", error)
 
 
 def posed(run: Run) -> NDArray[np.bool_]:
@@ -132,7 +157,7 @@ def posed(run: Run) -> NDArray[np.bool_]:
 
 
 def decimated(values: Floats) -> NDArray[np.int64]:
-    """Indices of the smallest and the largest value of each of at most a thousand equal stretches, in order.
+    """Indices of the smallest and the largest value of each of at most 600 equal stretches, in order.
 
     A stretch without a value keeps its first, so that a hole stays one. values: (K,) or (2, K), of which the lower
     and the upper row count.
@@ -178,6 +203,8 @@ def charts(runs: Sequence[Run], names: Sequence[str]) -> list[dict[str, Any]]:
 def _curve(run: Run, one: Signal, name: str, number: int) -> dict[str, Any]:
     values = np.clip(one.values, -_LARGEST, _LARGEST)
     rows = decimated(values)
+    if one.section == "Estimator":  # a sensor measures in some steps only
+        rows = rows[np.isfinite(values[..., rows]).reshape(-1, len(rows)).all(axis=0)]
     return {
         "name": name,
         "role": one.role,

@@ -24,6 +24,7 @@ _ARGUMENTS = (
     "--enable-unsafe-swiftshader",  # WebGL without a graphics card
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE localhost, EXCLUDE 127.0.0.1",
 )
+PATIENCE_S = 150.0  # of every wait: the machine may be shared
 _OF_THIS_MACHINE = ("localhost", "127.0.0.1")
 _WITHOUT_HOST = ("file", "data", "blob", "about")
 
@@ -37,7 +38,11 @@ class OpenedPage(NamedTuple):
 
     def colours(self, selector: str) -> int:
         """How many different colours the pixels of an element have: one or two where it is blank."""
-        png = self.page.locator(selector).first.screenshot()
+        # An element's own screenshot waits until it is still, which a body that plays never is.
+        box = self.page.locator(selector).first.evaluate(
+            "(e) => { e.scrollIntoView({ block: 'center' }); return e.getBoundingClientRect().toJSON() }"
+        )
+        png = self.page.screenshot(clip={name: box[name] for name in ("x", "y", "width", "height")})
         pixels = np.asarray(Image.open(BytesIO(png)).convert("RGB")).reshape(-1, 3)
         return len(np.unique(pixels, axis=0))
 
@@ -59,6 +64,7 @@ def open_page() -> Iterator[OpenPage]:
         def show(target: Path | str, width: int = 1280, height: int = 900, dark: bool = False) -> OpenedPage:
             scheme = "dark" if dark else "light"
             page = browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
+            page.set_default_timeout(1000.0 * PATIENCE_S)
             shown = OpenedPage(page, [], [])
             page.on("console", lambda line: line.type == "error" and shown.errors.append(line.text))
             page.on("pageerror", lambda error: shown.errors.append(str(error)))

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report: every run has one, it is small, opens offline, plays, and nothing in a run becomes HTML or script."""
 
+import base64
 import json
 import re
 import time
@@ -15,7 +16,8 @@ from runs import CART, cart, random_run, rotation, run_of, skydiver
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
-from skydiver_utc.parameters import from_yaml
+from skydiver_utc.parameters import from_yaml, load_scenario
+from skydiver_utc.studies.paper_words import paper_words
 from skydiver_utc.view.report import Flown, report_html
 from skydiver_utc.view.signals import charts
 
@@ -74,6 +76,24 @@ def test_a_page_has_metrics_charts_stills_scenario_and_versions() -> None:
     assert alpha["limits"] == [-1.0, 1.0]
 
 
+def test_the_words_of_the_paper_stand_beside_its_own_scenarios_only() -> None:
+    shipped = load_scenario("fast_turn_unknown_dynamics", {"duration_s": 4.0})
+    assert "4 deg/s" in paper_words(shipped)["yaw rate: RMSE"]
+    assert not paper_words(load_scenario("fast_turn_unknown_dynamics", {"controller.horizon_steps": 5}))
+    assert not paper_words(skydiver())
+
+
+def test_an_estimator_has_its_innovations_and_errors() -> None:
+    names = ("nis_camera", "estimate_place", "deviation_place")
+    telemetry = np.random.default_rng(1).normal(size=(80, 3))
+    telemetry[::2, 0] = np.nan  # measured in every other step
+    data = data_of(page(run_of(scenario=cart(), telemetry=telemetry, telemetry_names=names)))
+    found = {chart["title"]: chart for chart in data["charts"] if chart["section"] == "Estimator"}
+    nis, error = found["camera: innovation squared (NIS)"], found["place: error of the estimate"]
+    assert len(base64.b64decode(nis["curves"][0]["y"])) == 4 * 40
+    assert [curve["role"] for curve in error["curves"]] == ["band", "value"]
+
+
 def test_another_plant_has_its_own_signals() -> None:
     text = page(random_run(cart()))
     assert {"place", "speed: error", "force", "states in 1", "innovation", "clipped"} <= titles(text)
@@ -111,7 +131,7 @@ def test_curves_of_many_steps_keep_their_extremes_and_holes() -> None:
     rates[1234], rates[4321], rates[2000:2050] = 7.0, -7.0, np.nan
     run.states[:, 12] = rates
     (yaw,) = (c for chart in charts([run], [""]) for c in chart["curves"] if c["name"] == "about z, yaw")
-    assert len(yaw["y"]) <= 2002
+    assert len(yaw["y"]) <= 1202
     at = dict(zip(yaw["t"], np.deg2rad(yaw["y"]), strict=True))
     assert at[run.time_s[1234]] == pytest.approx(7.0)
     assert at[run.time_s[4321]] == pytest.approx(-7.0)
@@ -141,6 +161,7 @@ def seen(opened: OpenedPage) -> float:
     return float(opened.page.evaluate(CURSOR).split()[0])
 
 
+@pytest.mark.long
 def test_the_body_plays_with_the_charts_and_all_keys(shown: OpenedPage) -> None:
     window = shown.page
     assert shown.colours(".plot") > 20
@@ -165,6 +186,7 @@ def test_the_body_plays_with_the_charts_and_all_keys(shown: OpenedPage) -> None:
     assert (shown.errors, shown.outside) == ([], [])
 
 
+@pytest.mark.long
 def test_a_drag_zooms_and_escape_shows_the_whole_run(shown: OpenedPage) -> None:
     window, box = shown.page, shown.page.locator(".plot").first.bounding_box()
     window.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 30.0)
@@ -176,6 +198,7 @@ def test_a_drag_zooms_and_escape_shows_the_whole_run(shown: OpenedPage) -> None:
     assert window.evaluate("view.end - view.begin") == pytest.approx(20.0)
 
 
+@pytest.mark.long
 def test_a_phone_at_night(open_page: OpenPage, tmp_path: Path) -> None:
     path = tmp_path / "report.html"
     path.write_text(page(turning(), turning()), encoding="utf-8")
@@ -187,6 +210,7 @@ def test_a_phone_at_night(open_page: OpenPage, tmp_path: Path) -> None:
     assert (opened.errors, opened.outside) == ([], [])
 
 
+@pytest.mark.long
 def test_nothing_in_a_run_becomes_html_or_script(open_page: OpenPage, tmp_path: Path) -> None:
     names = {"place": HOSTILE, "speed": f"{HOSTILE} 2"}
     plant = CART.replace("[place, speed]", json.dumps(list(names.values()))).replace(
