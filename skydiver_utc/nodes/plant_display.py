@@ -42,6 +42,11 @@ class PlantDisplay:
         self._shapes = [_ellipsoid(i, shape.half_axes) for i, shape in enumerate(plant.shapes)]
         self._lines = _marker("forces", 0, Marker.LINE_LIST, _FORCE_COLOR, (_LINE_WIDTH_M, 0.0, 0.0))
         self._transforms = [_transform(frame) for frame in frames]
+        # Compiled before the run.
+        state, applied = plant.initial_state(), plant.initial_applied()
+        if self._markers is not None:
+            self._marked(0, state, applied)
+        self._placed(0, state, applied)
         if description:
             node.advertise(topics.ROBOT_DESCRIPTION).publish(String(data=description))
 

@@ -62,7 +62,7 @@ class PlantNodeSettings(_PartnerSettings):
     neutral_time_s: Annotated[
         float, quantity("s", "real time: time from the last command to the initial control", ge=0)
     ] = 2.0
-    markers: Annotated[bool, text("publish the body and its forces as markers, some 3 ms of CPU each")] = True
+    markers: Annotated[bool, text("publish the body and its forces as markers, some 1 ms of CPU each")] = True
     progress: Annotated[bool, text("print JSON lines on the run's progress to stdout")] = False
 
 
