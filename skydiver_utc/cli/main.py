@@ -264,7 +264,7 @@ def report(**options: Any) -> None:
     "forms",
     flag_value="parquet",
     multiple=True,
-    help="The same as Parquet: run.parquet; needs the extra `parquet`.",
+    help="The same as Parquet: run.parquet; needs the extra `studies`.",
 )
 @click.option("--png", "forms", flag_value="png", multiple=True, help="The figure: tracking.png.")
 @click.option("--svg", "forms", flag_value="svg", multiple=True, help="The figure as SVG.")

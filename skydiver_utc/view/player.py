@@ -13,7 +13,7 @@ from skydiver_utc.view.stills import EYE, RIGHT
 
 Floats = NDArray[np.float64]
 _MOST_FRAMES, _FRAMES_PER_S = 600, 30.0
-_SIZES_APART = 1.6  # of bodies side by side
+_SIZES_APART = 1.1  # of bodies side by side
 _FAR = 5.0  # sizes: the view follows bodies that go farther
 
 
@@ -26,11 +26,12 @@ def player_page(runs: Sequence[Run], colours: Sequence[Colour | None]) -> str:
     frames = int(np.clip(np.ceil((end - begin) * _FRAMES_PER_S), 1, _MOST_FRAMES))
     times = np.linspace(begin, end, frames + 1)
     poses = [poses_at(run, times) for run in runs]
-    size = max(float(np.ptp(found[0, :, :3], axis=0).max()) for found in poses) or 1.0
+    seen = [_seen_from(run, found) for run, found in zip(runs, poses, strict=True)]
+    size = max(reach for _, reach in seen)
     with scene_server() as server:
         light(server.scene)
         server.initial_camera.look_at = np.zeros(3)
-        server.initial_camera.position = EYE * size * (0.6 + 1.1 * len(runs))
+        server.initial_camera.position = EYE * size * (0.5 + 0.8 * len(runs))
         server.scene.add_grid("/level", width=20 * size, height=20 * size, cell_size=size, section_size=5 * size,
                               position=(0.0, 0.0, -1.2 * size), fade_distance=9 * size)  # fmt: skip
         bodies = [
@@ -39,7 +40,7 @@ def player_page(runs: Sequence[Run], colours: Sequence[Colour | None]) -> str:
         ]
         recording = server.get_scene_serializer()
         aside = [_SIZES_APART * size * (i - 0.5 * (len(runs) - 1)) * RIGHT for i in range(len(runs))]
-        origins = [_origins(found, size) - place for found, place in zip(poses, aside, strict=True)]
+        origins = [origin - place for (origin, _), place in zip(seen, aside, strict=True)]
         for k in range(len(times)):
             for body, found, origin in zip(bodies, poses, origins, strict=True):
                 body.show(found[k], origin[k])
@@ -66,8 +67,18 @@ def _drawable(run: Run) -> NDArray[np.bool_]:
     return drawable
 
 
-def _origins(poses: Floats, size: float) -> Floats:
-    """Where the view is from, (T, 3): on the shapes' middle where they travel far, else on their first one."""
+def _seen_from(run: Run, poses: Floats) -> tuple[Floats, float]:
+    """Where the view is from, (T, 3), and the width of what it sees.
+
+    It follows the shapes' middle where they travel far, else it stays at their first one.
+    """
+    half = np.array([max(shape.half_axes) for shape in run.plant.shapes])
     middle: Floats = poses[:, :, :3].mean(axis=1)
-    far = float(np.ptp(middle, axis=0).max()) > _FAR * size
-    return middle if far else np.tile(middle[0], (len(middle), 1))
+
+    def width(origin: Floats, rows: slice) -> float:
+        distances = np.linalg.norm(poses[rows, :, :3] - origin[rows, np.newaxis], axis=2)
+        return 2.0 * float(np.max(distances + half))
+
+    far = float(np.ptp(middle, axis=0).max()) > _FAR * width(middle, slice(1))
+    origin = middle if far else np.tile(middle[0], (len(middle), 1))
+    return origin, width(origin, slice(None))

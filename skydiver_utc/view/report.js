@@ -261,11 +261,12 @@ document.getElementById("whole").addEventListener("click", () => zoom(data.begin
 for (const still of document.querySelectorAll("[data-time]")) still.addEventListener("click", () => seek(Number(still.dataset.time)));
 dark.addEventListener("change", () => { for (const chart of charts) chart.draw(); load(); });
 setTimeout(load);
-let past = performance.now();
+let past = performance.now(), calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 requestAnimationFrame(function tick(now) {
   const t = frame ? playerTime() : playing ? (cursor + (now - past) / 1000 > data.end ? data.begin : cursor + (now - past) / 1000) : null;
   past = now;
   if (t !== null && t !== last && !hovered) setCursor(t);
   if (t !== null) last = t;
+  if (t !== null && calm) { calm = false; seek(data.begin); } // a jump pauses
   requestAnimationFrame(tick);
 });

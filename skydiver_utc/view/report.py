@@ -93,7 +93,7 @@ def _table(flown: Sequence[Flown]) -> str:
     paper = paper_words(flown[0].run.scenario) if len(flown) == 1 else {}
     heads = [("", ""), *(("number", one.name if len(flown) > 1 else "") for one in flown), ("", "")]
     heads += [("", "the paper")] if paper else []
-    lines = [_line("th", heads)]
+    lines = [_line("th", heads)] if any(text for _, text in heads) else []
     for label, (unit, texts) in found.items():
         cells = [("", label), *(("number", texts.get(i, "-")) for i in range(len(flown))), ("", unit)]
         said = next((words for part, words in paper.items() if part in label), "")

@@ -14,6 +14,7 @@ from skydiver_utc.loop.run import Run
 
 Floats = NDArray[np.float64]
 _BUCKETS = 600  # of a curve, each with its smallest and its largest value
+_MOST_CURVES = 4  # of a chart: as many as there are colours
 _LARGEST = 1e30  # of an axis
 _DEVIATION = "std_"
 # Telemetry of an estimator: normalised innovation squared, by sensor; estimates and their deviations, by state.
@@ -105,12 +106,15 @@ def _states(run: Run) -> Iterator[Signal]:
     """Of any other plant: its states, and outputs that are neither states nor tracked, by unit."""
     plant = run.plant
     others = [n for n in plant.output_names if n not in (*plant.state_names, *run.tracked_names)]
+    drawn: Counter[str] = Counter()
     for name in (*plant.state_names, *others):
         scale = shown(plant, name)
         state = name in plant.state_names
         values = run.states[:, plant.state_names.index(name)] if state else run.output(name)
-        chart = "states" if state else "outputs"
-        yield Signal("Plant", f"{chart} in {scale.unit}", scale.unit, scale.name, scale.factor * values)
+        chart = f"{'states' if state else 'outputs'}{'' if scale.unit == '1' else f' in {scale.unit}'}"
+        number, drawn[chart] = drawn[chart] // _MOST_CURVES + 1, drawn[chart] + 1
+        title = chart if number == 1 else f"{chart}, {number}"
+        yield Signal("Plant", title, scale.unit, scale.name, scale.factor * values)
 
 
 def _calls(run: Run) -> Iterator[Signal]:

@@ -96,7 +96,7 @@ def test_an_estimator_has_its_innovations_and_errors() -> None:
 
 def test_another_plant_has_its_own_signals() -> None:
     text = page(random_run(cart()))
-    assert {"place", "speed: error", "force", "states in 1", "innovation", "clipped"} <= titles(text)
+    assert {"place", "speed: error", "force", "states", "innovation", "clipped"} <= titles(text)
     assert "<iframe" not in text
 
 
