@@ -57,6 +57,7 @@ setup(
         "studies": ["distributed>=2024.5", "pyarrow>=15", "SALib>=1.5"],
         "test": [
             "click>=8.2",
+            "filterpy>=1.4.5",
             "hypothesis>=6.98",
             "ipykernel>=6.29",
             "mcap-ros2-support>=0.5",

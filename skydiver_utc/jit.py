@@ -368,6 +368,7 @@ def _names(code: CodeType) -> list[str]:
 def _sources_digest() -> str:
     package = Path(__file__).parent
     digest = hashlib.blake2b(Path(__file__).read_bytes(), digest_size=6)
+    digest.update((package / "rotations.py").read_bytes())
     for room in _ROOMS_WITH_KERNELS:
         for source in sorted((package / room).rglob("*.py")):
             digest.update(source.read_bytes())

@@ -46,3 +46,54 @@ def into_body(attitude: Array, vector: Array) -> Array:
     across = 2.0 * np.cross(vector, axis)
     turned: Array = vector + w * across + np.cross(across, axis)
     return turned
+
+
+@kernel
+def turn_into_body(attitude: Array, vector: Array, out: Array) -> None:
+    """A world vector (3,) in the axes of a body with an attitude x y z w (4,)."""
+    _turn(-attitude[0], -attitude[1], -attitude[2], attitude[3], vector, out)
+
+
+@kernel
+def turn_into_world(attitude: Array, vector: Array, out: Array) -> None:
+    """A vector (3,) of a body with an attitude x y z w (4,) in the axes of the world."""
+    _turn(attitude[0], attitude[1], attitude[2], attitude[3], vector, out)
+
+
+@kernel
+def _turn(x: float, y: float, z: float, w: float, vector: Array, out: Array) -> None:
+    a, b, c = vector[0], vector[1], vector[2]
+    p, q, r = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    out[0] = a + w * p + y * r - z * q
+    out[1] = b + w * q + z * p - x * r
+    out[2] = c + w * r + x * q - y * p
+
+
+@kernel
+def turned(attitude: Array, rotation: Array, out: Array) -> None:
+    """Attitude x y z w (4,) turned by a rotation vector (3,) [rad] in its own axes."""
+    angle = np.sqrt(rotation[0] ** 2 + rotation[1] ** 2 + rotation[2] ** 2)
+    share = np.sin(0.5 * angle) / angle if angle > 1e-9 else 0.5
+    a, b, c, d = share * rotation[0], share * rotation[1], share * rotation[2], np.cos(0.5 * angle)
+    x, y, z, w = attitude[0], attitude[1], attitude[2], attitude[3]
+    out[0] = w * a + x * d + y * c - z * b
+    out[1] = w * b + y * d + z * a - x * c
+    out[2] = w * c + z * d + x * b - y * a
+    out[3] = w * d - x * a - y * b - z * c
+
+
+@kernel
+def rotation_between(attitude: Array, other: Array, out: Array) -> None:
+    """The rotation vector (3,) [rad], at most half a turn, that turns one attitude x y z w (4,) into another."""
+    x, y, z, w = -attitude[0], -attitude[1], -attitude[2], attitude[3]
+    a, b, c, d = other[0], other[1], other[2], other[3]
+    out[0] = w * a + x * d + y * c - z * b
+    out[1] = w * b + y * d + z * a - x * c
+    out[2] = w * c + z * d + x * b - y * a
+    cosine = w * d - x * a - y * b - z * c
+    sine = np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)
+    share = 2.0 * np.arctan2(sine, abs(cosine)) / sine if sine > 1e-9 else 2.0
+    if cosine < 0.0:
+        share = -share
+    for i in range(3):
+        out[i] *= share

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The interface of an estimator to the closed loop."""
 
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +9,25 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+class Reading(NamedTuple):
+    """A measurement (l,) of a sensor, by its index, taken at a step."""
+
+    sensor: int
+    step: int
+    values: Array
+
+
 class Estimator(Protocol):
-    """The state that a controller decides on; made as `Class(settings, plant, dt_s)`."""
+    """The state that a controller decides on; made as `Class(settings, plant, dt_s)`.
+
+    One whose settings have a block `sensors` is given their readings instead of the state. A class that inherits from
+    this one writes only what it needs.
+
+    telemetry_names: of the numbers (t,) that `telemetry` holds after each update
+    """
+
+    telemetry_names: tuple[str, ...] = ()
+    telemetry: Array = np.empty(0)
 
     def reset(self) -> None:
         """Forget the run so far."""
@@ -18,6 +35,6 @@ class Estimator(Protocol):
     def predict(self, applied: Array) -> None:
         """Advance the estimate by one step under what the actuators applied (a,)."""
 
-    def update(self, measurement: Array) -> Array:
-        """The estimated state (n,) from what was measured at this step."""
+    def update(self, measurement: Any) -> Array:
+        """The estimated state (n,) from the measured state (n,), or from the readings that arrived at this step."""
         ...

@@ -6,12 +6,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.estimators.protocol import Estimator
 from skydiver_utc.parameters.fields import SlotSettings
 
 Array = NDArray[np.float64]
 
 
-class TrueState:
+class TrueState(Estimator):
     """Hands the true state on; see `skydiver_utc.estimators.protocol.Estimator`."""
 
     class Settings(SlotSettings):

@@ -34,7 +34,7 @@ def simulate(
     profile = np.ascontiguousarray(reference.preview(0, steps + width), dtype=float)
     states = np.empty((steps + 1, len(plant_steps.state)))
     commands, applied = np.empty((steps, m)), np.empty((steps, m))
-    telemetry = np.empty((steps, len(controller.telemetry_names)))
+    telemetry = np.empty((steps, len(decider.telemetry_names)))
     solve_time_s, status = np.empty(steps), np.empty(steps)
     disturbance = plant_steps.disturbance
     acted = np.empty((steps + 1, len(disturbance.names)))
@@ -47,7 +47,7 @@ def simulate(
     start = time.perf_counter()
     flown = steps
     for k in range(steps):
-        decision = decider.decide(k, states[k], profile[k : k + width])
+        decision = decider.decide(k, plant_steps.measured, profile[k : k + width])
         solve_time_s[k] = decider.solve_time_s
         commands[k], telemetry[k], status[k] = decision.control, decision.telemetry, decision.status
         if disturbance.names:
@@ -75,7 +75,7 @@ def simulate(
         tracked_names=reference.outputs,
         amplitude=reference.amplitude,
         telemetry=telemetry[:flown],
-        telemetry_names=controller.telemetry_names,
+        telemetry_names=decider.telemetry_names,
         solve_time_s=solve_time_s[:flown],
         status=status[:flown],
         outcome=plant_steps.outcome,

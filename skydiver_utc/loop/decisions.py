@@ -3,7 +3,7 @@
 
 import time
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,11 @@ class Decider:
         self._estimator, self._model, self._disturbance = estimator, model, disturbance
         self._predicts = not isinstance(estimator, TrueState)
 
+    @property
+    def telemetry_names(self) -> tuple[str, ...]:
+        """Of the telemetry of decisions: the controller's, then the estimator's."""
+        return (*self.controller.telemetry_names, *self._estimator.telemetry_names)
+
     def begin(self, control: Array | None = None) -> None:
         """Begin a run, or continue one from an applied control (m,)."""
         self._estimator.reset()
@@ -47,16 +52,21 @@ class Decider:
             self.controller.resume(control)
             self._applied[: len(control)] = control
 
-    def decide(self, k: int, state: Array, preview: Array) -> Decision:
-        """The decision at the state (n,) of step k, with the reference (preview_steps + 1, l) from there on."""
-        if self._disturbance is not None:
-            state = self._disturbance.measurement(k, state)
-        estimate = self._estimator.update(state)
+    def decide(self, k: int, measured: Any, preview: Array) -> Decision:
+        """The decision at the state (n,) of step k, or at the readings of sensors that arrived at it.
+
+        preview: the reference (preview_steps + 1, l) from there on
+        """
+        if self._disturbance is not None and not isinstance(measured, list):
+            measured = self._disturbance.measurement(k, measured)
+        estimate = self._estimator.update(measured)
         began_ns = time.perf_counter_ns()
         decision = self.controller.decide(estimate, preview)
         self.solve_time_s = (time.perf_counter_ns() - began_ns) * 1e-9
         self._command = decision.control
-        return decision
+        if not self._estimator.telemetry_names:
+            return decision
+        return decision._replace(telemetry=np.append(decision.telemetry, self._estimator.telemetry))
 
     def predict(self) -> None:
         """Advance the estimate by one step under the command decided last, with the model's actuators."""
@@ -73,18 +83,18 @@ class Stretch(NamedTuple):
     control: Array | None
 
 
-def decide_at(stretches: Sequence[Stretch], states: Array, controls: int, reference: Array) -> Array:
-    """Commands (K, controls) at states (K+1, n) with the reference (K + longest preview, l), without a plant.
+def decide_at(stretches: Sequence[Stretch], measured: Any, controls: int, reference: Array) -> Array:
+    """Commands (K, controls) at states (K+1, n), or K+1 lists of readings, without a plant.
 
-    The first stretch begins at row 0.
+    reference (K + longest preview, l); the first stretch begins at row 0.
     """
-    commands = np.empty((len(states) - 1, controls))
+    commands = np.empty((len(measured) - 1, controls))
     ends = [stretch.first for stretch in stretches[1:]] + [len(commands)]
     for (first, decider, control), end in zip(stretches, ends, strict=True):
         decider.begin(control)
         width = decider.controller.preview_steps + 1
         for k in range(first, end):
             # Copies, as a node has them: no controller can change what it is given next.
-            commands[k] = decider.decide(k, states[k].copy(), reference[k : k + width].copy()).control
+            commands[k] = decider.decide(k, measured[k].copy(), reference[k : k + width].copy()).control
             decider.predict()
     return commands

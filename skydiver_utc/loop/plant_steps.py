@@ -6,8 +6,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.loop.outcome import Outcome, OutcomeMonitor
-from skydiver_utc.loop.registry import build_disturbances, build_true_plant
+from skydiver_utc.loop.registry import build_disturbances, build_sensors, build_true_plant
 from skydiver_utc.parameters import Scenario
 
 Array = NDArray[np.float64]
@@ -16,12 +17,14 @@ Array = NDArray[np.float64]
 class PlantSteps:
     """The true plant of a run and its disturbances: at step `k` its `state` (n,), before it `applied` (a,).
 
-    `k` is -1 before the run; the run is over after the last step, or when the plant has a fault.
+    `readings` of sensors arrive at step k, where the estimator has sensors; else they are None. `k` is -1 before the
+    run; the run is over after the last step, or when the plant has a fault.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         self.plant = build_true_plant(scenario)
         self.disturbance = build_disturbances(scenario, self.plant)
+        self.sensors = build_sensors(scenario, self.plant)
         self._scenario, self._steps = scenario, scenario.steps
         lag_s = scenario.truth.actuator_lag_s
         # Of the way to a held command in one step: the exact solution.
@@ -39,10 +42,14 @@ class PlantSteps:
         self.applied = np.array(self.plant.initial_applied(), dtype=float)
         self._lagged = self.control
         self._monitor = OutcomeMonitor(self._scenario, self.plant)
+        self.readings: list[Reading] | None = None
+        if self.sensors is not None:
+            self.sensors.reset()
 
     def begin(self) -> bool:
         """Go to step 0; False where the run is over at once."""
         self.k = 0
+        self._read_sensors(self.applied)
         return self._monitor.observe(0, self.state)
 
     def step(self, command: Array) -> bool:
@@ -54,7 +61,18 @@ class PlantSteps:
         state = self.plant.step(self.state, before, self.applied)
         self.k += 1
         self.state = state = self.disturbance.state(self.k, state)
+        self._read_sensors(before)
         return self._monitor.observe(self.k, state) and self.k < self._steps
+
+    def _read_sensors(self, before: Array) -> None:
+        if self.sensors is not None:
+            control = self.plant.step_control(before, self.applied)
+            self.readings = self.sensors.read(self.k, self.state, control)
+
+    @property
+    def measured(self) -> Array | list[Reading]:
+        """What the estimator is given at step k: the state (n,), or the readings that arrived."""
+        return self.state if self.readings is None else self.readings
 
     @property
     def control(self) -> Array:

@@ -7,6 +7,7 @@ from skydiver_utc.controllers.delay import DelayCompensation
 from skydiver_utc.controllers.protocol import Controller
 from skydiver_utc.disturbances.composed import Composed
 from skydiver_utc.estimators.protocol import Estimator
+from skydiver_utc.estimators.sensors import Sensors
 from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.parameters.registry import factory
 from skydiver_utc.plants.protocol import Plant
@@ -78,6 +79,17 @@ def build_estimator(scenario: Scenario, plant: Plant) -> Estimator:
     return estimator
 
 
+def build_sensors(scenario: Scenario, plant: Plant) -> Sensors | None:
+    """The sensors of the plant that its estimator reads; None for one that is given the state."""
+    given = getattr(scenario.estimator, "sensors", None)
+    if given is None:
+        return None
+    sensors: Sensors = _made(
+        "estimator", scenario.estimator.kind, Sensors, given, plant, scenario.dt_s, scenario.seed
+    )
+    return sensors
+
+
 def build_disturbances(scenario: Scenario, plant: Plant) -> Composed:
     """The disturbances in the order of the scenario, each with a seed of its own, as one; `plant` is the true one."""
     parts = [
@@ -88,9 +100,12 @@ def build_disturbances(scenario: Scenario, plant: Plant) -> Composed:
 
 
 def _build(slot: str, settings: Any, *rest: object) -> Any:
-    kind = settings.kind
+    return _made(slot, settings.kind, factory(slot, settings.kind), settings, *rest)
+
+
+def _made(slot: str, kind: str, make: Any, *given: object) -> Any:
     try:
-        return factory(slot, kind)(settings, *rest)
+        return make(*given)
     except ParameterError:
         raise
     except ValueError as error:

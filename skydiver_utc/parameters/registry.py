@@ -27,7 +27,7 @@ class Kind(NamedTuple):
 
 _REFERENCES = "skydiver_utc.references"
 _SETTINGS, _PLANTS = "skydiver_utc.parameters", "skydiver_utc.plants"
-_ESTIMATORS = "skydiver_utc.estimators.true_state"
+_ESTIMATORS = "skydiver_utc.estimators"
 _CONTROLLERS = "skydiver_utc.controllers"
 _RIVALS = f"{_CONTROLLERS}.settings"
 
@@ -82,7 +82,13 @@ KINDS: Mapping[str, Mapping[str, Kind]] = {
         "mppi": Kind(f"{_RIVALS}:MppiSettings", f"{_CONTROLLERS}.path_integral:PathIntegralController"),
     },
     "estimator": {
-        "true_state": Kind(f"{_ESTIMATORS}:TrueState.Settings", f"{_ESTIMATORS}:TrueState"),
+        "true_state": Kind(
+            f"{_ESTIMATORS}.true_state:TrueState.Settings", f"{_ESTIMATORS}.true_state:TrueState"
+        ),
+        "unscented_kalman_filter": Kind(
+            f"{_ESTIMATORS}.settings:UnscentedKalmanFilterSettings",
+            f"{_ESTIMATORS}.unscented_kalman_filter:UnscentedKalmanFilter",
+        ),
     },
     "disturbance": {kind: Kind(f"{place}.Settings", place) for kind, place in _DISTURBANCES.items()},
 }

@@ -67,6 +67,20 @@ def one_line(error: BaseException) -> str:
     return (telling or lines or [type(error).__name__])[0].rstrip(".:")
 
 
+class SensorModel(NamedTuple):
+    """A measurement of a plant.
+
+    function(state (n,), control (c,), numbers, out (l,)): a kernel of module level like those of `Model`; control is
+        that of the step that led to the state, as `Plant.step_control` gives it
+    names: of the l numbers; unit: of all of them
+    """
+
+    function: Callable[[Array, Array, Any, Array], None]
+    numbers: Any
+    names: tuple[str, ...]
+    unit: str
+
+
 class Reduced(NamedTuple):
     """An equilibrium z (n_r,) in the states that matter to a regulator, and how a state (n,) becomes these and back."""
 
@@ -104,6 +118,8 @@ class Plant(ABC):
     joint_names: tuple[str, ...] = ()
     # Of S parts that a display draws; none where there is nothing to see.
     shapes: tuple[Shape, ...] = ()
+    # Sensors of its own, by name, besides its states and outputs.
+    sensors: Mapping[str, SensorModel] = {}
 
     @cached_property
     def bound_model(self) -> BoundModel:
@@ -152,10 +168,14 @@ class Plant(ABC):
         limited: Array = np.minimum(np.maximum(bounded, applied - change), applied + change)
         return limited
 
+    def step_control(self, before: Array, applied: Array) -> Array:
+        """The control (c,) of the model for a step in which the actuators go from before (a,) to applied (a,)."""
+        return applied[: len(self.control_names)]
+
     def step(self, state: Array, before: Array, applied: Array) -> Array:
         """State (n,) one step later, while the actuators go from before (a,) to applied (a,)."""
         following = np.empty(len(self.state_names))
-        self.bound_model.step(state, applied[: len(self.control_names)], following)
+        self.bound_model.step(state, self.step_control(before, applied), following)
         return following
 
     def outputs(self, states: Array) -> Array:

@@ -21,6 +21,7 @@ from skydiver_utc.plants.skydiver.model import PlantModel, build_model
 from skydiver_utc.plants.skydiver.prediction import named_outputs, skydiver_step
 from skydiver_utc.plants.skydiver.reduced import belly_to_earth, expanded, reduced
 from skydiver_utc.plants.skydiver.segment_forces import segment_forces
+from skydiver_utc.plants.skydiver.sensors import sensors
 from skydiver_utc.plants.skydiver.table_error import refuse_coarse_table
 from skydiver_utc.rotations import up_components, world_up
 
@@ -56,6 +57,7 @@ class SkydiverPlant(Plant):
         self.constants: PlantModel = build_model(settings, dt_s, self._movement)
         refuse_coarse_table(settings, self.constants, self._movement)
         self.model = Model(skydiver_step, named_outputs, self.constants, STATE_SIZE)
+        self.sensors = sensors(self.constants)
         self.minimum, self.maximum = self.constants.control_min, self.constants.control_max
         self.rate = np.array([np.inf, np.inf, np.inf, settings.limits.alpha_rate])
         self.joint_names = joint_angle_names()
@@ -124,12 +126,9 @@ class SkydiverPlant(Plant):
             rate_after = 2.0 * (reached - alpha) / dt - rate
         return reached, rate_after
 
-    def step(self, state: Array, before: Array, applied: Array) -> Array:
-        """State (13,) one dt later while the actuators go from before (5,) to applied (5,)."""
-        following = np.empty(STATE_SIZE)
-        held = np.concatenate((applied, before)) if self.constants.limb_reaction else applied[:4]
-        self.bound_model.step(state, held, following)
-        return following
+    def step_control(self, before: Array, applied: Array) -> Array:
+        """What the actuators hold after and before a step (10,), or the control (4,) where limbs do not react."""
+        return np.concatenate((applied, before)) if self.constants.limb_reaction else applied[:4]
 
     def joint_angles(self, applied: Array) -> Array:
         """Joint angles (45,) in rad, in the order of `joint_names`."""

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sensors at the skydiver's centre of mass, with axes along the body's.
+
+Control (c,) of a measurement: what the actuators hold, as `skydiver_step` takes it.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.jit import inlined
+from skydiver_utc.plants.protocol import SensorModel
+from skydiver_utc.plants.skydiver.dynamics import body_load, posture_geometry, segment_drift
+from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, SEGMENT_COUNT, PlantModel
+from skydiver_utc.rotations import turn_into_body, turn_into_world
+
+Array = NDArray[np.float64]
+
+_AXES = ("x", "y", "z")
+_DRIFT_SIZE = 3 * SEGMENT_COUNT
+# International Standard Atmosphere: pressure at sea level [Pa], lapse rate over temperature there [1/m], g M / (R L).
+_ATMOSPHERE = np.array([101325.0, 0.0065 / 288.15, 5.25588])
+# Direction of the earth's field in the world: north, and down by an inclination of 60 deg (central Europe 60 to 67,
+# World Magnetic Model 2025).
+_FIELD = np.array([0.0, 0.5, -np.sqrt(0.75)])
+
+
+@inlined
+def gyroscope(state: Array, control: Array, numbers: Any, out: Array) -> None:
+    """Body rates (3,) [rad/s]."""
+    for i in range(3):
+        out[i] = state[10 + i]
+
+
+@inlined
+def accelerometer(state: Array, control: Array, numbers: PlantModel, out: Array) -> None:
+    """Specific force (3,) in the body frame [m/s2]: force of air and hands over mass, without gravity."""
+    g, d, work = GEOMETRY_SIZE, _DRIFT_SIZE, numbers.work
+    geometry, drift, load = work[:g], work[g : g + d], work[g + d : g + d + 6]
+    posture_geometry(numbers, control[3], geometry)
+    segment_drift(numbers, control[3], control[4] if control.shape[0] > 4 else 0.0, drift)
+    body_load(numbers, geometry, drift, control, state, load)
+    for i in range(3):
+        out[i] = load[i] / numbers.mass
+
+
+@inlined
+def magnetometer(state: Array, control: Array, numbers: Array, out: Array) -> None:
+    """Direction (3,) of the field in the body frame, from that in the world."""
+    turn_into_body(state[3:7], numbers, out)
+
+
+@inlined
+def barometer(state: Array, control: Array, numbers: Array, out: Array) -> None:
+    """Static pressure (1,) at the altitude [Pa]: p0 (1 - L h / T0)^(g M / R L)."""
+    out[0] = numbers[0] * (1.0 - numbers[1] * state[2]) ** numbers[2]
+
+
+@inlined
+def gnss_velocity(state: Array, control: Array, numbers: Any, out: Array) -> None:
+    """Velocity (3,) in the world [m/s]."""
+    turn_into_world(state[3:7], state[7:10], out)
+
+
+def sensors(model: PlantModel) -> Mapping[str, SensorModel]:
+    """The sensors of a skydiver, by name."""
+    return {
+        "gyroscope": SensorModel(gyroscope, (0.0,), _AXES, "rad/s"),
+        "accelerometer": SensorModel(accelerometer, model, _AXES, "m/s2"),
+        "magnetometer": SensorModel(magnetometer, _FIELD, _AXES, "1"),
+        "barometer": SensorModel(barometer, _ATMOSPHERE, ("pressure",), "Pa"),
+        "gnss_velocity": SensorModel(gnss_velocity, (0.0,), _AXES, "m/s"),
+    }
