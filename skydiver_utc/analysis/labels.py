@@ -54,6 +54,10 @@ def rows(values: dict[str, Any]) -> list[Row]:
         value = _value(values, name)
         if name.partition(".")[0] in values and (value is not None or name not in _OF_ROTATION):
             found.append(Row(label + at_the_latest(values, name, value), _text(value, form), unit))
+    for name, sensor in values.get("estimation", {}).get("sensors", {}).items():
+        low, high = (_text(bound, ".3g") for bound in sensor["nis_bounds"])
+        label = f"{name.replace('_', ' ')}: mean NIS, {low} to {high} expected: {sensor['verdict']}"
+        found.append(Row(label, _text(sensor["nis_mean"], ".3g"), ""))
     return found + [_change(change) for change in values["parameter_changes"]]
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.analysis.estimation import estimation_metrics
 from skydiver_utc.analysis.numbers import finite, largest, recorded, root_mean_square, settled, time_of
 from skydiver_utc.analysis.skydiver import skydiver_metrics
 from skydiver_utc.loop.outcome import REACHED_THE_END
@@ -53,7 +54,8 @@ def metrics(run: Run) -> dict[str, Any]:
         node, step, time and parameters of each change during the run. The band of convergence and the effort's
         range are those of the scenario at the start.
 
-    A skydiver has further ones, see `skydiver_utc.analysis.skydiver`.
+    A skydiver has further ones, see `skydiver_utc.analysis.skydiver`, and an estimator with sensors `estimation`, see
+    `skydiver_utc.analysis.estimation`.
     """
     outputs = (
         {name: _of_output(run, j) for j, name in enumerate(run.tracked_names)} if run.tracks_outputs else {}
@@ -71,6 +73,7 @@ def metrics(run: Run) -> dict[str, Any]:
         "max_abs_error_deg_s": rate and _degrees(rate["max_abs_error"]),
         "convergence_time_s": None if None in times else max(times, default=None),
         **skydiver_metrics(run),
+        **estimation_metrics(run),
         "control_effort": control_effort(run),
         "status_steps": run.status_steps,
         "diverged_points": {

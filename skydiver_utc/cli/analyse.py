@@ -12,11 +12,19 @@ from skydiver_utc.analysis.labels import reference_added
 from skydiver_utc.analysis.metrics import metrics, to_json
 from skydiver_utc.analysis.recorded_run import RecordedRun
 from skydiver_utc.analysis.style import png
+from skydiver_utc.analysis.validation_figure import validation_figure
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.screen import show_metrics
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters.files import write_file
-from skydiver_utc.parameters.run_folder import FIGURE_FILE, METRICS_FILE, REPORT_FILE, VERSIONS_FILE, text_of
+from skydiver_utc.parameters.run_folder import (
+    FIGURE_FILE,
+    METRICS_FILE,
+    REPORT_FILE,
+    VALIDATION_FILE,
+    VERSIONS_FILE,
+    text_of,
+)
 from skydiver_utc.view.report import Flown, report_html
 
 
@@ -43,9 +51,11 @@ def print_analysis(folder: Path, as_json: bool) -> None:
 def examine(folder: Path) -> tuple[Run, dict[str, Any]]:
     """Read the run and write its metrics, figure and report beside the bag; the run and its metrics."""
     flown = read(folder)
+    validation = [(VALIDATION_FILE, png(validation_figure(flown.run)))] if "estimation" in flown.metrics else []
     for name, content in (
         (METRICS_FILE, to_json(flown.metrics) + "\n"),
         (FIGURE_FILE, png(tracking_figure(flown.run))),
+        *validation,
         (REPORT_FILE, report_html([flown])),
     ):
         write_file(folder / name, content)

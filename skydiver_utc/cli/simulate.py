@@ -30,8 +30,12 @@ def simulate(scenario: str, settings: Sequence[str], figure: Path | None, as_jso
         # matplotlib is imported only for a figure.
         from skydiver_utc.analysis.figures import tracking_figure
         from skydiver_utc.analysis.style import picture
+        from skydiver_utc.analysis.validation_figure import validation_figure
 
         write_file(figure, picture(tracking_figure(run), form_of(figure)))
+        if "estimation" in values:
+            beside = figure.with_name(f"{figure.stem}_validation{figure.suffix}")
+            write_file(beside, picture(validation_figure(run), form_of(figure)))
     return exit_code(run)
 
 

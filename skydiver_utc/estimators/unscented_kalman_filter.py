@@ -89,6 +89,11 @@ class UnscentedKalmanFilter(Estimator):
         )
         self.reset()
 
+    @property
+    def covariance(self) -> Array:
+        """Covariance (e, e) of the error, in the order of the telemetry's deviations."""
+        return self._at.P.copy()
+
     def reset(self) -> None:
         """The estimate before step 0: the plant's initial state."""
         n = self._plant.model.state_size

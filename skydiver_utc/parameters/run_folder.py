@@ -9,6 +9,7 @@ SCENARIO_FILE = "scenario.yaml"
 VERSIONS_FILE = "versions.json"
 METRICS_FILE = "metrics.json"
 FIGURE_FILE = "tracking.png"
+VALIDATION_FILE = "validation.png"
 REPORT_FILE = "report.html"
 
 
