@@ -239,7 +239,7 @@ def run(**options: Any) -> None:
 @_run_folder
 @_json
 def analyse(**options: Any) -> None:
-    """Make metrics.json, tracking.png and report.html of the run folder RUN again, from its bag alone."""
+    """Make metrics.json, the figures and report.html of the run folder RUN again, from its bag alone."""
     _run("analyse", "print_analysis", **options)
 
 
@@ -282,6 +282,19 @@ def export(**options: Any) -> None:
     telemetry/.., solve_time_s and status, in SI units and radians; NaN where a step has no value.
     """
     _run("export", "export", **options)
+
+
+@main.command(short_help="Estimate the inputs of the run folder RUN.")
+@_run_folder
+@_json
+def inputs(**options: Any) -> None:
+    """Estimate the controls of the recorded run RUN from its states, beside what was applied.
+
+    The filter that UTC came from: sigma points of the controls drive the model over 0.25 s to the measured outputs.
+    Writes inputs.json and inputs.png into RUN. The states are the recorded estimates of a run on sensors, else the
+    true ones. Controls that no output tells are reported as not seen.
+    """
+    _run("inputs", "inputs", **options)
 
 
 @main.command(short_help="Complete a recording that was cut short or damaged.")

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``skydiver-utc inputs``: the controls of a recorded run, estimated from its states."""
+
+from pathlib import Path
+
+from skydiver_utc.analysis.inputs import estimate_inputs, report
+from skydiver_utc.analysis.inputs_figure import inputs_figure
+from skydiver_utc.analysis.metrics import to_json
+from skydiver_utc.analysis.recorded_run import read_run
+from skydiver_utc.analysis.style import png
+from skydiver_utc.cli.errors import CommandError
+from skydiver_utc.cli.screen import facts, show_tables
+from skydiver_utc.parameters.files import write_file
+
+
+def inputs(folder: Path, as_json: bool) -> None:
+    """Estimate, write the figure and the numbers beside the bag, print them."""
+    if folder.is_file():
+        raise CommandError(f"{folder} is a file: give the run folder that it lies in")
+    found = estimate_inputs(read_run(folder))
+    values = report(found)
+    write_file(folder / "inputs.json", to_json(values) + "\n")
+    write_file(folder / "inputs.png", png(inputs_figure(found)))
+    if as_json:
+        print(to_json(values))
+        return
+    made = facts(f"inputs of {values['scenario']}, from {values['states']} states")
+    for name, of_input in values["inputs"].items():
+        share, rmse = of_input["seen_share"], of_input["rmse"]
+        remark = (
+            "" if rmse is None else f"RMSE {rmse:.3g}, {100 * of_input['inside_two_deviations']:.0f} % inside"
+        )
+        made.add_row(name, f"{of_input['verdict']}, {100 * share:.0f} % of the time", remark)
+    show_tables(made)
