@@ -82,7 +82,7 @@ def check(recording: RecordedRun, instead: Callable[[Scenario], Scenario] = lamb
     stretches = _stretches(recording, run, instead)
     ahead = max(stretch.decider.controller.preview_steps for stretch in stretches)
     reference, added = _reference(recording, run, ahead)
-    commands = decide_at(stretches, run.states, len(run.plant.control_names), reference)
+    commands = decide_at(stretches, recording.measured(run), len(run.plant.control_names), reference)
     return Check(run, commands, added, recording.in_real_time, recording.reference_revised, hole_at_step)
 
 

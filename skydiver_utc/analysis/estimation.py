@@ -68,7 +68,7 @@ def estimation_metrics(run: Run) -> dict[str, Any]:
     """
     sensors = {
         name: {
-            "measurements": found.count,
+            "measurements": found.measurements,
             "nis_mean": finite(found.mean),
             "nis_bounds": [finite(found.low), finite(found.high)],
             "correlation": finite(float(np.max(np.abs(found.correlation)))),

@@ -5,6 +5,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,14 @@ from numpy.typing import NDArray
 
 from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows, stretches
+from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.loop.outcome import REACHED_THE_END, Outcome
-from skydiver_utc.loop.registry import build_disturbances, build_reference, build_true_plant
+from skydiver_utc.loop.registry import (
+    build_disturbances,
+    build_reference,
+    build_sensors,
+    build_true_plant,
+)
 from skydiver_utc.loop.run import ParameterChange, Run
 from skydiver_utc.messages import (
     MessageError,
@@ -22,6 +29,7 @@ from skydiver_utc.messages import (
     read_odometry,
     read_outcome,
     read_preview,
+    read_sensor,
     run_id_of,
 )
 from skydiver_utc.parameters import ParameterError, Scenario, from_yaml, leaves, override
@@ -148,6 +156,24 @@ class RecordedRun:
             return rows.values
         return np.where(rows.present[:, np.newaxis], rows.values, self.previews(len(rows.values)))
 
+    def measured(self, run: Run) -> Any:
+        """What the estimator was given from the run's first step on: its states, or the readings of each step."""
+        sensors = build_sensors(self.scenario, self.plant)
+        if sensors is None:
+            return run.states
+        rows = [
+            self._steps.rows(
+                f"sensors/{s.name}", s.size, partial(read_sensor, fields=s.fields, names=s.names)
+            )
+            for s in sensors.models
+        ]
+        arrived = (sensors.arrivals(k) for k in range(run.first_step + len(run.states)))
+        readings = [
+            [Reading(i, step, rows[i].values[step]) for i, step in of_step if rows[i].present[step]]
+            for of_step in arrived
+        ]
+        return readings[run.first_step :]
+
     def _state(self, message: Any) -> Floats:
         odometry = self.plant.state_message == "odometry"
         return read_odometry(message) if odometry else read_named(message, self.plant.state_names)
@@ -171,7 +197,9 @@ class RecordedRun:
         if not common:
             return (), np.empty((end - first, 0))
         (most, _) = common[0]
-        rows = self._steps.rows("controller/telemetry", len(most), lambda message: read_named(message, most))
+        rows = self._steps.rows(
+            "controller/telemetry", len(most), lambda message: read_named(message, most, finite=False)
+        )
         return most, rows.values[first:end]
 
     def _without_an_outcome(self, end: int, lasts: Mapping[str, int]) -> str:

@@ -71,7 +71,7 @@ def _draw_nis(axes: Axes, run: Run, name: str, sensor: Consistency, normalised: 
         spread = 1.96 * np.sqrt(2.0 * sensor.size / _WINDOW)
         axes.axhspan(sensor.size - spread, sensor.size + spread, color=GREEN, alpha=0.18, linewidth=0.0)
         axes.set_ylim(0.0, max(3.0 * sensor.size, 1.1 * float(mean.max())))
-    expected = f"{sensor.low:.3g} to {sensor.high:.3g} expected" if sensor.count else "no measurement"
+    expected = f"{sensor.low:.3g} to {sensor.high:.3g} expected" if sensor.measurements else "no measurement"
     axes.set_title(
         f"{name.replace('_', ' ')}: innovation squared (NIS), mean {sensor.mean:.3g}, {expected}\n"
         f"line: mean of {_WINDOW}; 95 % of a right filter's lie in the band",

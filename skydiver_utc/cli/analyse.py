@@ -51,15 +51,14 @@ def print_analysis(folder: Path, as_json: bool) -> None:
 def examine(folder: Path) -> tuple[Run, dict[str, Any]]:
     """Read the run and write its metrics, figure and report beside the bag; the run and its metrics."""
     flown = read(folder)
-    validation = (
-        [(VALIDATION_FILE, png(validation_figure(flown.run)))] if "estimation" in flown.metrics else []
-    )
-    for name, content in (
-        (METRICS_FILE, to_json(flown.metrics) + "\n"),
-        (FIGURE_FILE, png(tracking_figure(flown.run))),
-        *validation,
-        (REPORT_FILE, report_html([flown])),
-    ):
+    files: dict[str, str | bytes] = {
+        METRICS_FILE: to_json(flown.metrics) + "\n",
+        FIGURE_FILE: png(tracking_figure(flown.run)),
+        REPORT_FILE: report_html([flown]),
+    }
+    if "estimation" in flown.metrics:
+        files[VALIDATION_FILE] = png(validation_figure(flown.run))
+    for name, content in files.items():
         write_file(folder / name, content)
     return flown.run, flown.metrics
 

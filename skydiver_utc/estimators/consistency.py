@@ -14,14 +14,14 @@ class Consistency(NamedTuple):
     """Of a sensor: how many measurements of how many numbers.
 
     mean: of their normalised innovation squared (NIS); low, high: between which it lies in 95 % of the runs of a
-        filter that is right: the chi-square distribution with count * size degrees of freedom, over count
+        filter that is right: the chi-square distribution with measurements * size degrees of freedom, over measurements
     correlation (size,): of each innovation with that of the next measurement; bound: below which all of these stay
         in 95 % of such runs
     verdict: consistent; overconfident: errors are larger than the filter expects; cautious: smaller; not white: an
         innovation tells the next one, as with a bias or a wrong model; too few
     """
 
-    count: int
+    measurements: int
     size: int
     mean: float
     low: float
@@ -56,5 +56,6 @@ def consistency(innovations: Array) -> Consistency:
 
 def correlation(innovations: Array, lag: int) -> Array:
     """Autocorrelation (l,) at a lag of innovations (K, l) whose mean is expected to be zero."""
-    products: Array = np.sum(innovations[lag:] * innovations[:-lag], axis=0)
-    return products / np.sum(np.square(innovations), axis=0)
+    products = np.sum(innovations[lag:] * innovations[:-lag], axis=0)
+    found: Array = products / np.sum(np.square(innovations), axis=0)
+    return found

@@ -23,9 +23,11 @@ class Estimator(Protocol):
     One whose settings have a block `sensors` is given their readings instead of the state. A class that inherits from
     this one writes only what it needs.
 
+    step: the present one, set before each update
     telemetry_names: of the numbers (t,) that `telemetry` holds after each update
     """
 
+    step: int = 0
     telemetry_names: tuple[str, ...] = ()
     telemetry: Array = np.empty(0)
 

@@ -29,6 +29,16 @@ class SensorOfPlant(NamedTuple):
     bias: Array
 
     @property
+    def message(self) -> str:
+        """Type of its ROS message."""
+        return self.own.message if self.own else "JointState"
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Where its numbers stand in the message; none in a JointState, where they have names."""
+        return self.own.fields if self.own else ()
+
+    @property
     def size(self) -> int:
         """How many numbers a measurement has."""
         return len(self.names)

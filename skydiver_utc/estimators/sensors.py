@@ -18,23 +18,29 @@ Array = NDArray[np.float64]
 
 
 class Sensors:
-    """All sensors of a plant, by `names`; errors depend on seed, name and number of the measurement alone."""
+    """All sensors of a plant, by index as in `models`.
+
+    Their errors depend on the seed, a sensor's name and the number of its measurement alone.
+    """
 
     def __init__(self, given: Mapping[str, SensorSettings], plant: Plant, dt_s: float, seed: int) -> None:
+        self.models = sensors_of(given, plant, dt_s)
         control = plant.step_control(plant.initial_applied(), plant.initial_applied())
         self._sensors = [
-            _Sensor(i, sensor, plant, control, dt_s, seed)
-            for i, sensor in enumerate(sensors_of(given, plant, dt_s))
+            _Sensor(i, sensor, plant, control, dt_s, seed) for i, sensor in enumerate(self.models)
         ]
-        self.names = tuple(given)
 
     def reset(self) -> None:
         """Before step 0."""
         for sensor in self._sensors:
             sensor.reset()
 
-    def read(self, k: int, state: Array, control: Array) -> list[Reading]:
-        """The measurements that arrive at step k, in each step once.
+    def arrivals(self, k: int) -> list[tuple[int, int]]:
+        """Sensor and step of the measurements that arrive at step k; called instead of `read`, for each step once."""
+        return [(reading.sensor, reading.step) for reading in self.read(k, None, None)]
+
+    def read(self, k: int, state: Array | None, control: Array | None) -> list[Reading]:
+        """The measurements that arrive at step k; called for each step once, from 0 on.
 
         state (n,): that of the step; control (c,): of the step that led there, as the model takes it
         """
@@ -58,13 +64,14 @@ class _Sensor:
         self._bias = self._sensor.bias.copy()
         self._taken, self._under_way = 0, deque[Reading]()
 
-    def read(self, k: int, state: Array, control: Array) -> list[Reading]:
+    def read(self, k: int, state: Array | None, control: Array | None) -> list[Reading]:
         settings = self._sensor.settings
         if k >= self._taken / (settings.rate_Hz * self._dt_s) - 1e-6:
             noise, walk = self._rng.standard_normal((2, self._sensor.size))
             lost = self._rng.random() < settings.loss
-            values = np.empty(self._sensor.size)
-            self._measure(state, control, values)
+            values = np.full(self._sensor.size, np.nan)
+            if state is not None and control is not None:
+                self._measure(state, control, values)
             values += self._bias + settings.noise * noise
             self._bias += self._walk * walk
             self._taken += 1

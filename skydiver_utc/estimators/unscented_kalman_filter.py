@@ -95,16 +95,16 @@ class UnscentedKalmanFilter(Estimator):
         return self._at.P.copy()
 
     def reset(self) -> None:
-        """The estimate before step 0: the plant's initial state."""
+        """Begin at the step of the next update, from the plant's initial state."""
         n = self._plant.model.state_size
-        self._k, self.left_out = 0, 0  # measurements older than the history
+        self.left_out = 0  # measurements older than the history
+        self.step, self._is_new = 0, True
         self._at.mean[:n], self._at.mean[n:] = self._plant.initial_state(), 0.0
         self._at.P[:] = self._initial
         self._applied = np.array(self._plant.initial_applied(), dtype=float)
         for readings in self._readings:
             readings.clear()
         self.telemetry = np.full(len(self.telemetry_names), np.nan)
-        self._keep(self._plant.step_control(self._applied, self._applied))
 
     def predict(self, applied: Array) -> None:
         """One step of the model under what the actuators applied (a,)."""
@@ -116,10 +116,13 @@ class UnscentedKalmanFilter(Estimator):
 
     def update(self, measurement: Any) -> Array:
         """The estimated state (n,) after the readings that arrived at this step."""
+        if self._is_new:
+            self._k, self._first, self._is_new = self.step, self.step, False
+            self._keep(self._plant.step_control(self._applied, self._applied))
         length, new = len(self._readings), set[tuple[int, int]]()
         oldest = self._k
         for reading in measurement:
-            if not max(0, self._k - length + 1) <= reading.step <= self._k:
+            if not max(self._first, self._k - length + 1) <= reading.step <= self._k:
                 self.left_out += 1
                 continue
             of_step = self._readings[reading.step % length]

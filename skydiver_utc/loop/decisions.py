@@ -59,6 +59,7 @@ class Decider:
         """
         if self._disturbance is not None and not isinstance(measured, list):
             measured = self._disturbance.measurement(k, measured)
+        self._estimator.step = k
         estimate = self._estimator.update(measured)
         began_ns = time.perf_counter_ns()
         decision = self.controller.decide(estimate, preview)

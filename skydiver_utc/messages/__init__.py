@@ -11,6 +11,7 @@ from skydiver_utc.messages.named import fill_named, read_named
 from skydiver_utc.messages.odometry import POSE_TWIST_NAMES, fill_odometry, read_odometry
 from skydiver_utc.messages.pose import fill_pose
 from skydiver_utc.messages.preview import PreviewStore, fill_preview, read_preview
+from skydiver_utc.messages.sensors import fill_sensor, read_sensor
 from skydiver_utc.messages.state import fill_state, read_state
 from skydiver_utc.messages.texts import (
     change_text,
@@ -33,6 +34,7 @@ __all__ = [
     "fill_odometry",
     "fill_pose",
     "fill_preview",
+    "fill_sensor",
     "fill_state",
     "fill_twist",
     "outcome_text",
@@ -40,6 +42,7 @@ __all__ = [
     "read_odometry",
     "read_outcome",
     "read_preview",
+    "read_sensor",
     "read_state",
     "read_twist",
     "run_id_of",

@@ -24,8 +24,8 @@ def fill_named(message: Any, values: Vector) -> Any:
     return message
 
 
-def read_named(message: Any, names: Sequence[str]) -> Vector:
-    """Values (n,) in the order of `names`, which the message names once each, in any order."""
+def read_named(message: Any, names: Sequence[str], finite: bool = True) -> Vector:
+    """Values (n,) in the order of `names`, which the message names once each, in any order; finite unless allowed."""
     given, values = list(message.name), np.array(message.position, dtype=np.float64)
     if len(values) != len(given):
         raise MessageError(
@@ -35,5 +35,6 @@ def read_named(message: Any, names: Sequence[str]) -> Vector:
         if sorted(given) != sorted(names):
             raise MessageError("names", f"it names {given}: it must name {list(names)}, in any order")
         values = values[[given.index(name) for name in names]]
-    refuse_non_finite(values, names)
+    if finite:
+        refuse_non_finite(values, names)
     return values

@@ -14,18 +14,29 @@ from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
 
 from skydiver_utc.controllers.protocol import Controller, Status
+from skydiver_utc.estimators.protocol import Reading
+from skydiver_utc.estimators.sensor_models import SensorOfPlant
 from skydiver_utc.loop.decisions import Decider
 from skydiver_utc.loop.registry import (
     build_controller,
     build_disturbances,
     build_estimator,
     build_reference,
+    build_sensors,
     build_true_plant,
     model_beside,
     preview_steps,
 )
 from skydiver_utc.loop.tuned_scenario import TunedScenario
-from skydiver_utc.messages import MessageError, PreviewStore, StepGrid, read_named, read_preview, read_state
+from skydiver_utc.messages import (
+    MessageError,
+    PreviewStore,
+    StepGrid,
+    read_named,
+    read_preview,
+    read_sensor,
+    read_state,
+)
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.controller_topics import ControllerTopics
 from skydiver_utc.nodes.diagnostics import Health, Level, Rate
@@ -66,7 +77,7 @@ class ControllerNode(ScenarioNode):
         self._qos = None if self.settings.mode == "lockstep" else topics.NEWEST
         self._status, self._slowest_s, self._rate = Status.SOLVED, 0.0, Rate()
         self._pending: tuple[int, Vector, Any] | None = None  # step, state and stamp that wait for an answer
-        self._states: Subscription | None = None
+        self._states: list[Subscription] = []  # of the state and the sensors
         self._applieds: Subscription | None = None  # until the first decision
         self._new_state_at = time.monotonic()
         self._tuned = TunedScenario(self.scenario, self.settings.delay_steps)
@@ -86,6 +97,10 @@ class ControllerNode(ScenarioNode):
         estimator = build_estimator(self.scenario, self._plant)
         self._decider = Decider(self._build(self.scenario), estimator, self._plant, disturbance)
         self._use(self._decider.controller)
+        self._sensors = build_sensors(self.scenario, self._plant)
+        self._readings: dict[tuple[int, int], Reading] = {}  # not used yet, by sensor and step
+        self._due: list[tuple[int, int]] = []  # in lockstep, at the step `_due_at`
+        self._due_at = -1
         self.subscribe(topics.REFERENCE_PREVIEW, self.on_preview)
         self.subscribe(topics.SCENARIO, self.on_scenario)
         self.add_on_set_parameters_callback(self._on_set_parameters)
@@ -105,9 +120,9 @@ class ControllerNode(ScenarioNode):
         """End the subscription to the state; the controller's memory is kept."""
         self.end_startup()
         self._pending = None
-        if self._states is not None:
-            self.destroy_subscription(self._states)
-            self._states = None
+        for subscription in self._states:
+            self.destroy_subscription(subscription)
+        self._states = []
 
     def shutdown(self) -> None:
         """Answer nothing more."""
@@ -153,6 +168,13 @@ class ControllerNode(ScenarioNode):
             self._pending, self._new_state_at = (k, state, stamp), time.monotonic()
             self._answer()
 
+    def on_reading(self, i: int, sensor: SensorOfPlant, message: Any) -> None:
+        """Keep a measurement of the i-th sensor; answer the pending state."""
+        k = self.grid.step_of(message.header.stamp)
+        values = read_sensor(message, sensor.fields, sensor.names)
+        self._readings[i, k] = Reading(i, k, values)
+        self._answer()
+
     def on_applied(self, message: Any) -> None:
         """Keep the applied command; a controller that starts during a run continues from it."""
         self._applied = read_named(message, self._plant.control_names)
@@ -196,6 +218,8 @@ class ControllerNode(ScenarioNode):
             k = self._pending[0]
             if self._waits_for_applied(k):
                 return "waiting for the applied command of the run that it begins in"
+            if self._preview.window(k, self._needs) is not None:
+                return f"waiting for the measurements of step {k}"
             return f"waiting for the reference of step {k}: it covers {self._preview.covered()}"
         if waiting and (unmatched := self.unmatched()):
             return f"waiting for subscribers of {', '.join(unmatched)}"
@@ -215,20 +239,30 @@ class ControllerNode(ScenarioNode):
     def _use(self, controller: Controller) -> None:
         self._decider.controller = controller
         self._needs = controller.preview_steps + 1
-        self._out.name_telemetry(controller.telemetry_names)
+        self._out.name_telemetry(self._decider.telemetry_names)
 
     def _begin(self, control: Vector | None) -> None:
         """Let the controller begin, from an applied command or as at the start of a run."""
         self._is_first, self._began_from = True, control
         self._applied = None
         self._decider.begin(control)
+        if self._sensors is not None and control is None:
+            self._sensors.reset()
+            self._due_at = -1
+            # Those of step 0 may come before its state.
+            self._readings = {key: reading for key, reading in self._readings.items() if reading.step == 0}
 
     def _can_answer(self) -> bool:
         return self._previewed >= self._needs and not self.unmatched() and not self.is_new
 
     def _subscribe_to_state(self) -> None:
         state = topics.STATE.of_type(topics.STATE_TYPES[self._plant.state_message])
-        self._states = self.subscribe(state, self.on_state, self._qos)
+        self._states = [self.subscribe(state, self.on_state, self._qos)]
+        for i, sensor in enumerate(self._sensors.models if self._sensors else ()):
+            receive = partial(self.on_reading, i, sensor)
+            qos = None if self._qos is None else topics.EACH_AS_IT_COMES
+            topic = topics.sensor_topic(sensor.name, sensor.message)
+            self._states.append(self.subscribe(topic, receive, qos))
         self.get_logger().info("ready")
 
     def _answer(self) -> None:
@@ -237,9 +271,12 @@ class ControllerNode(ScenarioNode):
             return
         k, state, stamp = self._pending
         preview = self._preview.window(k, self._needs)
-        if preview is None or self._waits_for_applied(k):
+        measured = self._measured(k, state)
+        if preview is None or measured is None or self._waits_for_applied(k):
             return
         self._pending = None
+        for reading in measured if self._sensors else ():
+            del self._readings[reading.sensor, reading.step]
         if self._is_first and self.answered < 0 and k > 0 and self._applied is not None:
             self.get_logger().info(f"begins at step {k} from the applied command")
             self._begin(self._applied)
@@ -252,13 +289,30 @@ class ControllerNode(ScenarioNode):
             self._is_first, self._began_at = False, k
             if k > 0 or self._tuned.changes:
                 self._publish_change()
-        self._decide(k, state, preview, stamp)
+        self._decide(k, measured, preview, stamp)
         if self._applieds is not None:
             self.destroy_subscription(self._applieds)
             self._applieds = None
 
-    def _decide(self, k: int, state: Vector, preview: Vector, stamp: Any) -> None:
-        decision = self._decider.decide(k, state, preview)
+    def _measured(self, k: int, state: Vector) -> Vector | list[Reading] | None:
+        """What the estimator is given at step k; None while measurements that the plant has sent are on their way.
+
+        In lockstep these are known from the scenario, in real time those count that are there.
+        """
+        if self._sensors is None:
+            return state
+        if self.settings.mode != "lockstep":
+            return list(self._readings.values())
+        while self._due_at < k:
+            self._due_at += 1
+            self._due = self._sensors.arrivals(self._due_at)
+        found = [self._readings[key] for key in self._due if key in self._readings]
+        return found if len(found) == len(self._due) else None
+
+    def _decide(self, k: int, measured: Vector | list[Reading], preview: Vector, stamp: Any) -> None:
+        for _ in range(k - self.answered - 1 if self.answered >= 0 else 0):
+            self._decider.predict()  # of steps passed over
+        decision = self._decider.decide(k, measured, preview)
         self._command = np.array(decision.control, dtype=np.float64)
         self._out.publish_command(stamp, self._command)
         self.passed_over += max(0, k - self.answered - 1) if self.answered >= 0 else 0

@@ -53,7 +53,8 @@ class PlantNode(ScenarioNode):
         self._pace: RealTimePace | None = None
         self.get_logger().info("building")
         self._run = PlantSteps(self.scenario)
-        self._out = PlantTopics(self, self._run.plant, self._run.disturbance)
+        sensors = self._run.sensors.models if self._run.sensors else ()
+        self._out = PlantTopics(self, self._run.plant, self._run.disturbance, sensors)
         self._display = PlantDisplay(self, self._run.plant)
         real_time = self.settings.mode == "real_time"
         qos = topics.EACH_AS_IT_COMES if real_time else None
@@ -256,6 +257,7 @@ class PlantNode(ScenarioNode):
         return max(1, round(_PROGRESS_PERIOD_S / self.scenario.dt_s))
 
     def _publish_state(self) -> None:
+        self._out.publish_readings(self._run.readings or ())
         self._out.publish_state(self.k, self._run.state)
         self._published_at = time.monotonic()
 

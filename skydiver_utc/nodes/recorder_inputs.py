@@ -50,7 +50,10 @@ class RecorderInput:
         self.latched: deque[RawMessage] = deque(maxlen=topic.qos.depth if topic.latched else 0)
         self._node = node
         self._handle: Any = None
-        self._types = {topic.of_type(each).type_name: each for each in _TYPES.get(topic, (topic.type,))}
+        types = _TYPES.get(topic, (topic.type,))
+        if topic.name.startswith(f"{topics.SENSORS}/"):
+            types = tuple(topics.SENSOR_TYPES.values())
+        self._types = {topic.of_type(each).type_name: each for each in types}
         self._reported: set[str] = set()
         self.subscribe()
 

@@ -78,7 +78,9 @@ class RecorderNode(ScenarioNode):
             VERSIONS_FILE: json.dumps(versions(), indent=2) + "\n",
         }
         self._bag = BagWriter(self.folder, _FLUSH_INTERVAL_S, _QUEUE_LIMIT_BYTES, beside)
-        self._inputs = [RecorderInput(self, topic) for topic in RECORDED]
+        names = getattr(self.scenario.estimator, "sensors", ())
+        sensors = [topics.sensor_topic(name) for name in names]
+        self._inputs = [RecorderInput(self, topic) for topic in (*sensors, *RECORDED)]
         for each in self._inputs:
             self._add_to_bag(each)
         self.get_logger().info(f"recording into {self.folder}")

@@ -10,7 +10,7 @@ from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import Log, ParameterEvent
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import FluidPressure, Imu, JointState, MagneticField
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
@@ -126,3 +126,10 @@ RECORDED = tuple(topic for topic in TOPICS if topic.recorded)
 
 STATE_TYPES = {"odometry": Odometry, "joint_state": JointState}  # by `Plant.state_message`
 COMMAND_TYPES = {"joint_state": JointState, "float64_multi_array": Float64MultiArray, "twist": Twist}
+SENSORS = "sensors"
+SENSOR_TYPES = {kind.__name__: kind for kind in (Imu, MagneticField, FluidPressure, TwistStamped, JointState)}
+
+
+def sensor_topic(name: str, message: str = "JointState") -> Topic:
+    """The topic of a sensor, by its name and the type of its message."""
+    return Topic(f"{SENSORS}/{name}", SENSOR_TYPES[message], EACH_STEP, (CONTROLLER,))

@@ -73,12 +73,15 @@ class SensorModel(NamedTuple):
     function(state (n,), control (c,), numbers, out (l,)): a kernel of module level like those of `Model`; control is
         that of the step that led to the state, as `Plant.step_control` gives it
     names: of the l numbers; unit: of all of them
+    fields: where the numbers stand in a ROS message of type `message`, dotted; without, in a JointState by name
     """
 
     function: Callable[[Array, Array, Any, Array], None]
     numbers: Any
     names: tuple[str, ...]
     unit: str
+    message: str = "JointState"
+    fields: tuple[str, ...] = ()
 
 
 class Reduced(NamedTuple):

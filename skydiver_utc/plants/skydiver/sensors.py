@@ -22,9 +22,9 @@ _AXES = ("x", "y", "z")
 _DRIFT_SIZE = 3 * SEGMENT_COUNT
 # International Standard Atmosphere: pressure at sea level [Pa], lapse rate over temperature there [1/m], g M / (R L).
 _ATMOSPHERE = np.array([101325.0, 0.0065 / 288.15, 5.25588])
-# Direction of the earth's field in the world: north, and down by an inclination of 60 deg (central Europe 60 to 67,
-# World Magnetic Model 2025).
-_FIELD = np.array([0.0, 0.5, -np.sqrt(0.75)])
+# The earth's field in the world [T]: 50 uT north and down by an inclination of 60 deg (central Europe 48 to 50 uT and
+# 60 to 67 deg, World Magnetic Model 2025).
+_FIELD = 5e-5 * np.array([0.0, 0.5, -np.sqrt(0.75)])
 
 
 @inlined
@@ -48,7 +48,7 @@ def accelerometer(state: Array, control: Array, numbers: PlantModel, out: Array)
 
 @inlined
 def magnetometer(state: Array, control: Array, numbers: Array, out: Array) -> None:
-    """Direction (3,) of the field in the body frame, from that in the world."""
+    """The earth's field (3,) in the body frame [T], from that in the world."""
     turn_into_body(state[3:7], numbers, out)
 
 
@@ -67,9 +67,21 @@ def gnss_velocity(state: Array, control: Array, numbers: Any, out: Array) -> Non
 def sensors(model: PlantModel) -> Mapping[str, SensorModel]:
     """The sensors of a skydiver, by name."""
     return {
-        "gyroscope": SensorModel(gyroscope, (0.0,), _AXES, "rad/s"),
-        "accelerometer": SensorModel(accelerometer, model, _AXES, "m/s2"),
-        "magnetometer": SensorModel(magnetometer, _FIELD, _AXES, "1"),
-        "barometer": SensorModel(barometer, _ATMOSPHERE, ("pressure",), "Pa"),
-        "gnss_velocity": SensorModel(gnss_velocity, (0.0,), _AXES, "m/s"),
+        "gyroscope": SensorModel(gyroscope, (0.0,), _AXES, "rad/s", "Imu", _vector("angular_velocity")),
+        "accelerometer": SensorModel(
+            accelerometer, model, _AXES, "m/s2", "Imu", _vector("linear_acceleration")
+        ),
+        "magnetometer": SensorModel(
+            magnetometer, _FIELD, _AXES, "T", "MagneticField", _vector("magnetic_field")
+        ),
+        "barometer": SensorModel(
+            barometer, _ATMOSPHERE, ("pressure",), "Pa", "FluidPressure", ("fluid_pressure",)
+        ),
+        "gnss_velocity": SensorModel(
+            gnss_velocity, (0.0,), _AXES, "m/s", "TwistStamped", _vector("twist.linear")
+        ),
     }
+
+
+def _vector(field: str) -> tuple[str, ...]:
+    return tuple(f"{field}.{axis}" for axis in _AXES)
