@@ -25,7 +25,7 @@ from skydiver_utc.jit import (
     is_jitted,
     program,
 )
-from skydiver_utc.plants.protocol import LEFT_ITS_DOMAIN, MISTAKES, Model, one_line
+from skydiver_utc.plants.protocol import LEFT_ITS_DOMAIN, MISTAKES, BoundModel, Model, one_line
 
 Array = NDArray[np.float64]
 Steps = NDArray[np.int64]
@@ -192,6 +192,33 @@ class RollOut:
             self._run = self.between(None, None, (), state, preview, applied)
         self.applied[:] = applied
         self._run(state, preview, self.applied)
+
+    def states(self, model: BoundModel, state: Array, preview: Array, steps: int) -> tuple[Array, Array]:
+        """States (S, steps + 1, n) of the model from a state under `points`, and the last controls (S, m).
+
+        For displays, in Python; the points are those of the roll-out before. preview: as many rows as the dynamics
+        take in so many steps. A point that diverges is NaN from there on.
+        """
+        at, minimum, maximum, change = self._setup, *self._setup.limits
+        states = np.full((len(self.points), steps + 1, len(state)), np.nan)
+        controls = np.tile(self.applied, (len(self.points), 1))
+        states[:, 0] = state
+        y, wanted = np.empty(at.named), np.empty(len(self.applied))
+        for point, of_point, control in zip(self.points, states, controls, strict=True):
+            wanted[:] = point
+            for j in range(steps):
+                if at.dynamics is not None:
+                    before = y.copy()
+                    self._guarded(model.outputs, (of_point[j], y))
+                    seen = (of_point[j], y, before if j > 0 else y, preview, j, at.numbers, wanted)
+                    self._guarded(at.dynamics, (point, control, *seen))
+                bounded = np.minimum(np.maximum(wanted, minimum), maximum)
+                control[:] = np.minimum(np.maximum(bounded, control - change), control + change)
+                self._guarded(model.step, (of_point[j], control, of_point[j + 1]))
+                if not np.isfinite(of_point[j + 1]).all():
+                    of_point[j + 1 :] = np.nan
+                    break
+        return states, controls
 
     def between(
         self, before: Any, after: Any, numbers: Any, *example: Array

@@ -368,3 +368,26 @@ def test_a_slow_approach_on_a_bound_is_not_without_effect(variance, not_these):
         state = slow(state, result.control, 0.001)
     assert result.control[0] == 0.01
     assert not found & not_these
+
+
+def slowly(point, control, state, preview, j):
+    """Half of the way to the point in each step."""
+    return control + 0.5 * (point - control)
+
+
+@pytest.mark.parametrize("dynamics", [None, slowly])
+def test_the_way_ahead_under_the_sigma_points_ends_at_their_outputs(dynamics):
+    drive = controller(output=lambda x: x, horizon=7, dynamics=dynamics)
+    # Each roll-out begins from the control in force, which a reference that is reached does not move.
+    x = np.zeros(len(drive.plant.state_names))
+    preview = np.zeros((2 * drive.preview_steps + 1, len(drive.plant.output_names)))
+    result = drive.step(x, preview[: drive.preview_steps + 1])
+    assert result.control == pytest.approx(0.0, abs=1e-12)
+
+    states, controls = drive.look_ahead(x, preview, drive.horizon)
+
+    assert states.shape == (len(result.sigma_points), drive.horizon + 1, len(x))
+    np.testing.assert_allclose(states[1:, -1], result.outputs[1:], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(states[0], 0.0, atol=1e-9)
+    if dynamics is None:
+        np.testing.assert_allclose(controls[1:], result.sigma_points[1:])

@@ -274,6 +274,20 @@ class UnscentedTransformController(Tunable):
             cause=self._roll_out.cause,
         )
 
+    def look_ahead(self, state: Array, preview: Array, steps: int) -> tuple[Array, Array]:
+        """Where the model goes from a state (n,) within some steps; nothing is changed by it.
+
+        States (2m+1, steps + 1, n) and the last controls (2m+1, m): row 0 under the control in force, the others under
+        the sigma points of the last step. preview (steps + preview_steps + 1, l)
+        """
+        self._law.points[0] = self._law.control
+        return self._roll_out.states(self.plant.bound_model, state, preview, steps)
+
+    @property
+    def horizon(self) -> int:
+        """The last step that the law looks at."""
+        return self._steps[-1]
+
     def _moved_on(self, state: Array, preview: Array, Qu: Array | None) -> tuple[Status, Recovery, int]:
         """One step of the law, with the offset of the outputs before it."""
         if self._offset is None:
