@@ -24,7 +24,7 @@ from skydiver_utc.cli.node_processes import (
 )
 from skydiver_utc.cli.planned_runs import PlannedRun, planned_runs
 from skydiver_utc.cli.ros_environment import node_environment, require_rclpy
-from skydiver_utc.cli.screen import Progressed, runs_progress
+from skydiver_utc.cli.run_status import RunStatus
 from skydiver_utc.cli.simulate import exit_code
 from skydiver_utc.parameters import to_yaml
 from skydiver_utc.parameters.exit_codes import FAILED, STOPPED
@@ -65,10 +65,10 @@ def run(
 class _NodesOfRun:
     """The nodes of one run, and the reports of its plant."""
 
-    def __init__(self, planned: PlannedRun, nodes: NodeProcesses, progress: Progressed) -> None:
+    def __init__(self, planned: PlannedRun, nodes: NodeProcesses, status: RunStatus) -> None:
         self.planned, self.nodes = planned, nodes
         self.failed: str | None = None  # the node whose failure ended the run
-        self._progress = progress
+        self._status = status
         self._began = self._outcome = False
         self._recorder_reported = False
 
@@ -87,9 +87,8 @@ class _NodesOfRun:
         A recorder that fails after the first step does not stop a run.
         """
         for report in self.nodes.reports():
-            if "step" in report:
-                self._began = True
-                self._progress(report["step"], report["steps"])
+            self._began = self._began or "step" in report
+            self._status.show(self.planned.name, report)
             self._outcome = self._outcome or "outcome" in report
         failed = self.nodes.failed(RECORDER) if self._began else self.nodes.failed()
         if failed and not self._outcome:
@@ -131,7 +130,7 @@ def _run(
     """Start the nodes, follow the runs to their ends, end the nodes."""
     with ExitStack() as stack:
         scratch = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="skydiver_utc_")))
-        bars = stack.enter_context(runs_progress({run.name: run.scenario for run in planned}, quiet))
+        status = stack.enter_context(RunStatus({run.name: run.scenario for run in planned}, quiet))
         runs = []
         for each in planned:
             folder = scratch / each.name
@@ -140,7 +139,7 @@ def _run(
             scenario.write_text(to_yaml(each.scenario), encoding="utf-8")
             own_clock = len(planned) > 1
             nodes = NodeProcesses(environment, folder, each.name, own_clock, each.module_folder)
-            runs.append(_NodesOfRun(each, stack.enter_context(nodes), bars[each.name]))
+            runs.append(_NodesOfRun(each, stack.enter_context(nodes), status))
             runs[-1].start(scenario, waiting, delay_steps)
         running = runs
         while running and not any(run.failed for run in runs):

@@ -32,20 +32,16 @@ _WIDEST = 1000
 
 @contextmanager
 def run_progress(scenario: Scenario, quiet: bool) -> Iterator[Progressed]:
-    """A bar for the steps of one run; none when quiet or when stderr is no terminal."""
-    with runs_progress({scenario.name: scenario}, quiet) as progressed:
-        yield progressed[scenario.name]
-
-
-@contextmanager
-def runs_progress(scenarios: Mapping[str, Scenario], quiet: bool) -> Iterator[dict[str, Progressed]]:
-    """A bar for each run, by name; none when quiet or when stderr is no terminal."""
+    """A bar for the steps of a run; none when quiet or when stderr is no terminal."""
     columns = (
         TextColumn("{task.percentage:>3.0f} %"),
         TextColumn("{task.fields[done]:.1f} of {task.fields[whole]:g} s simulated"),
     )
     with _bars(columns, quiet) as bars:
-        yield {name: _bar_of(bars, name, scenario) for name, scenario in scenarios.items()}
+        task = bars.add_task("getting ready", total=scenario.steps, done=0.0, whole=scenario.duration_s)
+        yield lambda step, steps: bars.update(
+            task, description=scenario.name, completed=step, total=steps, done=step * scenario.dt_s
+        )
 
 
 @contextmanager
@@ -65,15 +61,6 @@ def _bars(columns: Sequence[ProgressColumn], quiet: bool) -> Progress:
     # Older versions of rich end a disabled bar with an empty line.
     console.quiet = quiet or not console.is_terminal
     return Progress(*every, console=console, transient=True, disable=console.quiet)
-
-
-def _bar_of(bars: Progress, name: str, scenario: Scenario) -> Progressed:
-    task = bars.add_task("getting ready", total=scenario.steps, done=0.0, whole=scenario.duration_s)
-
-    def progressed(step: int, steps: int) -> None:
-        bars.update(task, description=name, completed=step, total=steps, done=step * scenario.dt_s)
-
-    return progressed
 
 
 def table(title: str, *columns: str, **options: Any) -> Table:

@@ -249,8 +249,19 @@ class PlantNode(ScenarioNode):
         if not goes_on:
             self._finish()
         elif self.settings.progress and self.k % self._progress_steps == 0:
-            _print({"step": self.k, "steps": self.scenario.steps})
+            _print(self._report())
         return goes_on
+
+    def _report(self) -> dict[str, object]:
+        """The step in values; `late`: steps of real time that held an older command."""
+        plant, account = self._run.plant, None if self._pace is None else self._pace.account
+        return {
+            "step": self.k,
+            "steps": self.scenario.steps,
+            "outputs": dict(zip(plant.output_names, plant.outputs(self._run.state).tolist(), strict=True)),
+            "controls": dict(zip(plant.control_names, self._run.control.tolist(), strict=True)),
+            "late": None if account is None else account.steps - account.on_time,
+        }
 
     @property
     def _progress_steps(self) -> int:

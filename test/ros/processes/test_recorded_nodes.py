@@ -43,7 +43,7 @@ def test_four_processes_equal_the_simulation(processes: Processes, tmp_path: Pat
         server.signal(number)
         assert server.wait() == 0, server.output
     reports = plant.reports()
-    assert reports[0] == {"step": 119, "steps": 239}
+    assert reports[0].items() >= {"step": 119, "steps": 239}.items()
     assert reports[-1]["outcome"] == "completed"
     bag = Bag(folder)
     assert_complete(bag)
