@@ -359,6 +359,25 @@ def replay(**options: Any) -> None:
     _run("replay", "replay", **options, **of_player)
 
 
+@main.command(short_help="Show runs, or a flight that you change as it goes on, in a browser.")
+@click.argument("runs", metavar="[RUN...]", nargs=-1, type=_PATH)
+@click.option(
+    "--live", metavar="SCENARIO", help="Fly this scenario in real time; its settings become sliders."
+)
+@_settings
+@click.option(
+    "--port", default=8080, show_default=True, type=click.IntRange(1, 65535),
+    help="Where the page is served; the next free one if it is taken.",
+)  # fmt: skip
+def view(**options: Any) -> None:
+    """Show the run folders RUN side by side in a browser, or a flight as it goes on.
+
+    The page has the body in 3-D, the forces on its segments, the wind and its path, and charts of the signals. It is
+    served to browsers of this machine only; its address is printed.
+    """
+    _run("view", "view", **options)
+
+
 @main.group()
 def pattern() -> None:
     """Make and examine postures and movement patterns."""

@@ -22,7 +22,7 @@ class Composed(Disturbance):
     """
 
     def __init__(self, parts: Sequence[Disturbance], plant: Plant, dt_s: float) -> None:
-        self._parts, self._dt_s = parts, dt_s
+        self.parts, self._dt_s = parts, dt_s
         self._winds = [part.wind for part in parts if _writes(part, "wind")]
         self._states = [part.state for part in parts if _writes(part, "state")]
         self._measurements = [part.measurement for part in parts if _writes(part, "measurement")]
@@ -77,7 +77,7 @@ class Composed(Disturbance):
     def reset(self) -> None:
         """Forget the run so far."""
         self._measured = None
-        for part in self._parts:
+        for part in self.parts:
             part.reset()
 
 

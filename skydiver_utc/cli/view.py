@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``skydiver-utc view``: runs, or a flight as it goes on, in a browser."""
+
+import os
+from collections.abc import Sequence
+from contextlib import ExitStack, suppress
+from pathlib import Path
+
+import click
+
+from skydiver_utc.analysis.recorded_run import read_run
+from skydiver_utc.cli.errors import CommandError
+from skydiver_utc.cli.ros_environment import node_environment, require_rclpy
+from skydiver_utc.cli.settings import load
+from skydiver_utc.view.live_controls import LivePage, RunsPage
+from skydiver_utc.view.live_flight import LiveFlight
+from skydiver_utc.view.live_page import Page
+from skydiver_utc.view.recorded_flight import RecordedFlight
+
+
+def view(runs: Sequence[Path], live: str | None, ros: str | None, settings: Sequence[str], port: int) -> None:
+    """Serve the page until interrupted."""
+    if bool(runs) + (live is not None) + (ros is not None) != 1:
+        raise CommandError("give run folders, --live SCENARIO, or --ros NAMESPACE")
+    if live is None and settings:
+        raise CommandError("--set changes a scenario: it goes with --live only")
+    with suppress(KeyboardInterrupt), ExitStack() as stack:
+        page = _page(runs, live, settings, port) if ros is None else _page_over_ros(ros, port, stack)
+        click.echo(f"the page is at {page.address}, Ctrl-C ends it", err=True)
+        page.run()
+
+
+def _page(runs: Sequence[Path], live: str | None, settings: Sequence[str], port: int) -> Page:
+    if live is not None:
+        return LivePage(LiveFlight(load(live, settings)), port)
+    return RunsPage([RecordedFlight(read_run(path), path.absolute().name) for path in runs], port)
+
+
+def _page_over_ros(namespace: str, port: int, stack: ExitStack) -> Page:
+    require_rclpy()
+    # Started by others: on their domain, where `run` takes a free one and prints it.
+    os.environ.update(
+        node_environment({**os.environ, "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or "0"})
+    )
+    from skydiver_utc.nodes.view_node import ViewNode
+    from skydiver_utc.view.ros_flight import RosFlight
+
+    click.echo(f"waiting for {namespace} on ROS domain {os.environ['ROS_DOMAIN_ID']}", err=True)
+    node = ViewNode(namespace)
+    stack.callback(node.close)
+    return Page([RosFlight(node)], node.scenario.title or node.namespace, port)

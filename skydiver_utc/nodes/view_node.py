@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a page shows of a flight over ROS: subscribes to a run that has begun, and publishes nothing."""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from numpy.typing import NDArray
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+
+from skydiver_utc.loop.registry import build_reference, build_true_plant
+from skydiver_utc.messages import MessageError, StepGrid, read_named, read_state
+from skydiver_utc.nodes import topics
+from skydiver_utc.parameters import ParameterError, Scenario, from_yaml
+from skydiver_utc.plants.protocol import Plant
+
+Array = NDArray[np.float64]
+_POLL_S = 0.05
+
+
+class ViewNode:
+    """The newest step k, state (n,), applied (a,) and reference (l,) of a namespace; ended: there was an outcome.
+
+    It subscribes to the state only once the plant's diagnostics count steps: a plant that waits for its subscribers
+    must not take it for one of them. Raises `ParameterError` where no flight has begun within `patience_s`.
+    """
+
+    def __init__(self, namespace: str, patience_s: float = 30.0, context: Context | None = None) -> None:
+        if context is None and not rclpy.ok():
+            rclpy.init()
+        self.namespace, self.ended = namespace.strip("/"), False
+        self._node = Node("view", namespace=self.namespace, context=context)
+        self._executor = SingleThreadedExecutor(context=context)
+        self._executor.add_node(self._node)
+        self._scenario: Scenario | None = None
+        self._begun = False
+        self._subscribe(topics.SCENARIO, self._on_scenario)
+        self._subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+        self._wait(lambda: self._scenario is not None and self._begun, patience_s)
+        assert self._scenario is not None
+        self.scenario: Scenario = self._scenario
+        self.plant: Plant = build_true_plant(self.scenario)
+        self.tracked: tuple[str, ...] = build_reference(self.scenario).outputs
+        self.k: int = -1
+        self.state: Array = np.array(self.plant.initial_state(), dtype=float)
+        self.applied: Array = np.array(self.plant.initial_applied(), dtype=float)
+        self.reference: Array = np.zeros(len(self.tracked))
+        self._grid: StepGrid = StepGrid(self.scenario.stamp_ns(0), self.scenario.dt_ns, exact=False)
+        self._subscribe(topics.STATE.of_type(topics.STATE_TYPES[self.plant.state_message]), self._on_state)
+        self._subscribe(topics.APPLIED_COMMAND, self._on_applied)
+        self._subscribe(topics.SETPOINT, self._on_setpoint)
+        self._subscribe(topics.OUTCOME, self._on_outcome)
+        self._wait(lambda: self.k >= 0, patience_s)
+
+    def close(self) -> None:
+        """End the subscriptions."""
+        self._executor.shutdown()
+        self._thread.join()
+        self._node.destroy_node()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            return
+
+    def _subscribe(self, topic: topics.Topic, receive: Callable[[Any], None]) -> None:
+        """The newest message counts: nobody waits for a page."""
+
+        def callback(message: Any) -> None:
+            try:
+                receive(message)
+            except (MessageError, ParameterError) as error:
+                self._node.get_logger().warning(f"{topic.name}: {error}", throttle_duration_sec=5.0)
+
+        each = topic.latched or topic is topics.DIAGNOSTICS
+        self._node.create_subscription(topic.type, topic.name, callback, topic.qos if each else topics.NEWEST)
+
+    def _wait(self, condition: Callable[[], bool], patience_s: float) -> None:
+        ends_at = time.monotonic() + patience_s
+        while not condition():
+            if time.monotonic() > ends_at:
+                self.close()
+                raise ParameterError(
+                    f"no flight has begun in the namespace {self.namespace}: start one, and set ROS_DOMAIN_ID to its"
+                    " domain"
+                )
+            time.sleep(_POLL_S)
+
+    def _on_scenario(self, message: Any) -> None:
+        self._scenario = from_yaml(str(message.data))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {each.key: each.value for each in status.values}
+            if status.name == f"{self.namespace}/{topics.PLANT}" and int(values.get("step", "-1")) > 0:
+                self._begun = True
+
+    def _on_state(self, message: Any) -> None:
+        self.state = read_state(message, self.plant.state_names)
+        self.k = self._grid.step_of(message.header.stamp)
+
+    def _on_applied(self, message: Any) -> None:
+        control = read_named(message, self.plant.control_names)
+        self.applied = np.append(control, self.applied[len(control) :])
+
+    def _on_setpoint(self, message: Any) -> None:
+        self.reference = read_named(message, self.tracked)
+
+    def _on_outcome(self, message: Any) -> None:
+        self.ended = True

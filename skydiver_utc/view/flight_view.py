@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One flight in a viser page: its body, forces, wind, path and ghost, and its charts."""
+
+from collections import deque
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.plants.protocol import Plant
+from skydiver_utc.view.charts import Ahead, Charts
+from skydiver_utc.view.live_signals import Instant, Signals
+from skydiver_utc.view.scene import PlantShapes
+
+if TYPE_CHECKING:  # it is imported only where a page is shown
+    from viser import ViserServer
+
+Array = NDArray[np.float64]
+_GHOST, _FORCE, _WIND, _PATH = (86, 180, 233), (213, 94, 0), (0, 158, 115), (204, 121, 167)
+# Lengths of arrows: of a force of a Newton, and of a wind of 1 m/s [m].
+_M_PER_N, _M_PER_M_S = 0.004, 0.1
+_PATH_S = 10.0  # how far the path looks back
+_WIND_FROM = np.array([0.0, 0.0, 0.8])
+
+
+class Flight(Protocol):
+    """Something that flies, flew, or plays: `advance` moves it on, `now` and `history` tell its signals."""
+
+    name: str
+    plant: Plant
+    tracked: tuple[str, ...]
+    signals: Signals
+    ended: str
+
+    def advance(self, seconds: float) -> None:
+        """Go on by so much simulated time."""
+
+    def now(self) -> Instant:
+        """The present instant."""
+        ...
+
+    def history(self) -> Array:
+        """Rows of the signals (R, columns) until now."""
+        ...
+
+    def look_ahead(self, seconds: float) -> tuple[Array, Array]:
+        """States (S, J + 1, n) and what the actuators then hold (S, a); S = 0 where nothing is predicted."""
+        ...
+
+
+class FlightView:
+    """Draws a flight at a place (3,) of the scene; a body whose state is an odometry stays there as it falls.
+
+    shown: which of "ghost", "forces", "wind" and "path" are drawn; ahead_s: how far the ghost looks beyond the horizon
+    """
+
+    PARTS = ("ghost", "forces", "wind", "path")
+
+    def __init__(self, server: "ViserServer", flight: Flight, node: str, place: Array) -> None:
+        self.flight, self.ahead_s = flight, 0.0
+        self.shown = dict.fromkeys(self.PARTS, True)
+        self._place, self._follows = place, flight.plant.state_message == "odometry"
+        self._path: deque[tuple[float, Array]] = deque()
+        self._charts: Charts | None = None
+        self._server = server
+        scene, nothing = server.scene, np.zeros((0, 2, 3))
+        self._body = self._ghost = None
+        if flight.plant.shapes:
+            self._body = PlantShapes(scene, flight.plant, f"{node}/body")
+            self._ghost = PlantShapes(scene, flight.plant, f"{node}/ghost", colour=_GHOST, opacity=0.35)
+        self._ghost_node = scene.get_handle_by_name(f"{node}/ghost")
+        self._spread = scene.add_point_cloud(
+            f"{node}/spread", np.zeros((0, 3)), colors=_GHOST, point_size=0.02
+        )
+        self._forces = scene.add_arrows(
+            f"{node}/forces", nothing, _FORCE, shaft_radius=0.008, head_radius=0.02, head_length=0.05
+        )
+        self._wind = scene.add_arrows(f"{node}/wind", nothing, _WIND)
+        self._line = scene.add_line_segments(f"{node}/path", nothing, colors=_PATH, thickness=3.0)
+
+    def add_charts(self, span: tuple[float, float] | None = None) -> None:
+        """Add the charts to the part of the page that is open."""
+        self._charts = Charts(self._server.gui, self.flight.signals, span)
+
+    def show(self) -> Instant:
+        """Draw the present instant, but for charts and ghost."""
+        now, plant = self.flight.now(), self.flight.plant
+        if self._body is not None and np.isfinite(now.state).all():
+            poses = plant.shape_poses(now.state, now.applied)
+            self._origin = (now.state[:3] if self._follows else np.zeros(3)) - self._place
+            self._body.show(poses, self._origin)
+            self._draw_path(now.time_s, now.state[:3] if self._follows else poses[0, :3])
+            forces = plant.shape_forces(now.state, now.applied) if self.shown["forces"] else np.empty((0, 3))
+            tails = poses[: len(forces), :3] - self._origin
+            self._forces.points = _segments(tails, tails + _M_PER_N * forces)
+            blows = self.shown["wind"] and now.wind.any()
+            tail = (self._place + _WIND_FROM)[np.newaxis]
+            self._wind.points = _segments(tail, tail + _M_PER_M_S * now.wind)[: int(blows)]
+        return now
+
+    def show_ahead(self) -> None:
+        """Draw the charts, and the ghost with the spread of the sigma points."""
+        states, applied = self.flight.look_ahead(self.ahead_s)
+        ahead = None
+        if len(states) and np.isfinite(states[0]).all():
+            dt_s, begins_s = self.flight.plant.dt_s, self.flight.now().time_s
+            time_s: Array = begins_s + dt_s * np.arange(states.shape[1], dtype=np.float64)
+            ahead = Ahead(time_s, self.flight.signals.outputs(states))
+        self._draw_ghost(states, applied)
+        if self._charts is not None:
+            self._charts.show(self.flight.history(), ahead)
+
+    def _draw_ghost(self, states: Array, applied: Array) -> None:
+        """The shapes at the end of predicted states (S, J + 1, n): a ghost, and points under the sigma points.
+
+        Of a body that falls without the way that it takes at its present velocity.
+        """
+        if self._ghost is None or self._ghost_node is None:
+            return
+        drawn = self.shown["ghost"] and len(states) > 0 and bool(np.isfinite(states[0, -1]).all())
+        self._ghost_node.visible = self._spread.visible = drawn
+        if not drawn:
+            return
+        plant, ends, origin = self.flight.plant, states[:, -1], self._origin
+        if self._follows:
+            origin = origin + (states.shape[1] - 1) * (states[0, 1, :3] - states[0, 0, :3])
+        self._ghost.show(plant.shape_poses(ends[0], applied[0]), origin)
+        points = [
+            plant.shape_poses(state, held)[:, :3] - origin
+            for state, held in zip(ends[1:], applied[1:], strict=True)
+            if np.isfinite(state).all()
+        ]
+        self._spread.points = np.concatenate([np.empty((0, 3)), *points]).astype(np.float32)
+
+    def _draw_path(self, time_s: float, position: Array) -> None:
+        """The last positions, as seen by somebody who falls as fast as the body did in their mean."""
+        path = self._path
+        if path and time_s < path[-1][0]:
+            path.clear()
+        if not path or time_s > path[-1][0] + 0.02:
+            path.append((time_s, position.copy()))
+        while path and time_s - path[0][0] > _PATH_S:
+            path.popleft()
+        if not self.shown["path"] or len(path) < 2:
+            self._line.points = np.zeros((0, 2, 3), dtype=np.float32)
+            return
+        times = np.array([t for t, _ in path])
+        seen = np.array([p for _, p in path]) - self._origin
+        if self._follows:
+            fall = (position[2] - path[0][1][2]) / (time_s - times[0])
+            seen[:, 2] += fall * (time_s - times)
+        self._line.points = _segments(seen[:-1], seen[1:])
+
+
+def _segments(begins: Array, ends: Array) -> Any:
+    """Segments (N, 2, 3) from points (N, 3) to points (N, 3)."""
+    return np.stack([begins, ends], axis=1).astype(np.float32)

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page of one or several flights, served to the browsers of this machine: play, charts, 3-D."""
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
+from io import StringIO
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from skydiver_utc.parameters import ParameterError
+from skydiver_utc.view.flight_view import Flight, FlightView
+from skydiver_utc.view.scene import light
+
+Array = NDArray[np.float64]
+# Nobody but this machine is served.
+_HOST = "127.0.0.1"
+_FRAME_S, _FRAMES_OF_CHARTS = 1.0 / 30.0, 3
+# A page that was held up goes on from where it was, instead of catching up with the clock.
+_LONGEST_FRAME_S = 0.1
+_BESIDE_M = 2.4
+_SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
+Hotkey = Any
+
+
+class Page:
+    """Flights side by side, played at one speed; a subclass adds what a user can change.
+
+    flights: at least one; title: above the controls; span [s]: of the charts' time axis, None: as it comes
+    """
+
+    def __init__(
+        self, flights: Sequence[Flight], title: str, port: int = 8080, span: tuple[float, float] | None = None
+    ) -> None:
+        with redirect_stdout(StringIO()):  # the address is said by the command
+            self.server = viser.ViserServer(host=_HOST, port=port, label=title, verbose=False)
+        self.playing, self.frames = True, 0
+        self._speed, self._pending = 1.0, dict[str, Callable[[], None]]()
+        self._shown_at = time.perf_counter()
+        self._prepare_scene(len(flights))
+        middle = 0.5 * (len(flights) - 1)
+        self.views = [
+            FlightView(self.server, flight, f"/{i}", np.array([0.0, (middle - i) * _BESIDE_M, 0.0]))
+            for i, flight in enumerate(flights)
+        ]
+        gui = self.server.gui
+        gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+        alone = len(flights) == 1
+        self._lines: list[Any] = [
+            gui.add_text("time" if alone else view.flight.name, "", disabled=True) for view in self.views
+        ]
+        self._play = gui.add_button("Pause")
+        self.on("Play or pause", self.toggle, self._play, "space")
+        speed = gui.add_dropdown("speed", _SPEEDS, initial_value="1")
+        speed.on_update(lambda _: self.later("speed", lambda: self._set_speed(float(speed.value))))
+        self.add_controls()
+        self._add_what_is_shown()
+        gui.main_panel.dock_right()
+        charts = gui.add_panel()
+        charts.dock_left()
+        charts.set_width(420)
+        for view in self.views:
+            with charts.add_tab(view.flight.name):
+                view.add_charts(span)
+
+    @property
+    def address(self) -> str:
+        """Where a browser of this machine finds the page."""
+        return f"http://{_HOST}:{self.server.get_port()}"
+
+    def add_controls(self) -> None:
+        """Add to the page what a user can change."""
+
+    def on(self, words: str, act: Callable[[], None], button: Any = None, hotkey: Hotkey = None) -> None:
+        """Act at the next frame after a click on a button, or after a key."""
+        if button is not None:
+            button.on_click(lambda _: self.later(words, act))
+        self.server.gui.add_command(words, hotkey=hotkey).on_trigger(lambda _: self.later(words, act))
+
+    def later(self, name: str, act: Callable[[], None]) -> None:
+        """Act at the next frame; of several under one name only the newest. Called from the server's threads."""
+        self._pending[name] = act
+
+    def toggle(self) -> None:
+        """Play or pause."""
+        self.playing = not self.playing
+        self._play.label = "Pause" if self.playing else "Play"
+
+    def frame(self, seconds: float) -> None:
+        """One frame, so much time after the last one: what users did, the flights, the drawing.
+
+        While nothing changes nothing is drawn.
+        """
+        acted = self._act()
+        if not (self.playing or acted):
+            return
+        with self.server.atomic():
+            for view, line in zip(self.views, self._lines, strict=True):
+                if self.playing:
+                    view.flight.advance(self._speed * seconds)
+                now = view.show()
+                line.value = f"{now.time_s:.1f} s" + (f": {view.flight.ended}" if view.flight.ended else "")
+        if acted or self.frames % _FRAMES_OF_CHARTS == 0:
+            for view in self.views:
+                view.show_ahead()
+        self.frames += 1
+
+    def _act(self) -> bool:
+        """Do what users asked for since the last frame; False if that is nothing."""
+        acted = bool(self._pending)
+        while self._pending:
+            try:
+                self._pending.pop(next(iter(self._pending)))()
+            except ParameterError as error:
+                for client in self.server.get_clients().values():
+                    client.add_notification("Not changed", str(error), color="red", auto_close_seconds=8.0)
+        return acted
+
+    def run(self, until: Callable[[], bool] = lambda: False) -> None:
+        """Serve the page, frame by frame, until interrupted."""
+        try:
+            while not until():
+                began = time.perf_counter()
+                self.frame(min(began - self._shown_at, _LONGEST_FRAME_S))
+                self._shown_at = began
+                time.sleep(max(0.0, _FRAME_S - (time.perf_counter() - began)))
+        finally:
+            self.stop()
+
+    def stop(self) -> None:
+        """Serve no more."""
+        with redirect_stdout(StringIO()):
+            self.server.stop()
+
+    def _set_speed(self, speed: float) -> None:
+        self._speed = speed
+
+    def _prepare_scene(self, count: int) -> None:
+        scene = self.server.scene
+        light(scene)
+        scene.add_grid("/ground", 6.0, 3.0 + _BESIDE_M * count, cell_size=0.5, position=(0.0, 0.0, -1.2))
+        camera = self.server.initial_camera
+        camera.position, camera.look_at = (-2.0, -1.8 - 0.5 * _BESIDE_M * (count - 1), 1.7), (0.0, 0.0, 0.0)
+
+    def _add_what_is_shown(self) -> None:
+        """Switches for the parts of the drawing, and the ghost's reach."""
+        gui = self.server.gui
+        with gui.add_folder("View", expand_by_default=False):
+            for part in FlightView.PARTS:
+                self._add_switch(part)
+            ahead = gui.add_slider("ghost ahead [s]", 0.0, 1.0, 0.05, 0.0, hint="0: the controller's horizon")
+            ahead.on_update(lambda _: self.later("ahead", lambda: self._look_ahead(ahead.value)))
+            dark = gui.add_checkbox("dark", False)
+            dark.on_update(lambda _: self._set_dark(dark.value))
+
+    def _add_switch(self, part: str) -> None:
+        switch = self.server.gui.add_checkbox(part, True)
+        switch.on_update(lambda _: self.later(part, lambda: self._show_part(part, switch.value)))
+
+    def _show_part(self, part: str, shown: bool) -> None:
+        for view in self.views:
+            view.shown[part] = shown
+
+    def _look_ahead(self, seconds: float) -> None:
+        for view in self.views:
+            view.ahead_s = seconds
+
+    def _set_dark(self, dark: bool) -> None:
+        self.server.gui.configure_theme(
+            show_logo=False, show_share_button=False, control_width="medium", dark_mode=dark
+        )

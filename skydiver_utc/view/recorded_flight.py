@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded run as a page plays it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skydiver_utc.loop.registry import build_disturbances
+from skydiver_utc.loop.run import Run
+from skydiver_utc.view.live_signals import Instant, Signals
+
+Array = NDArray[np.float64]
+_MOST_ROWS = 1500
+
+
+class RecordedFlight:
+    """A run at a time that moves on with `advance` and jumps with `seek`; begins_s, ends_s: its first and last time."""
+
+    def __init__(self, run: Run, name: str) -> None:
+        self.name, self.plant, self.tracked = name, run.plant, run.tracked_names
+        self.signals = Signals(run.plant, run.tracked_names)
+        self.begins_s, self.ends_s, self.ended = float(run.time_s[0]), float(run.time_s[-1]), ""
+        self._run, self._time_s = run, self.begins_s
+        self._disturbance = build_disturbances(run.scenario, run.plant)
+        self._deviations = [
+            run.telemetry_names.index(f"std_{name}") if f"std_{name}" in run.telemetry_names else None
+            for name in run.plant.control_names
+        ]
+        every = max(1, len(run.commands) // _MOST_ROWS)
+        present = np.flatnonzero(np.isfinite(run.states).all(axis=1))
+        self._rows = np.array([self.signals.row(self._at(i)) for i in present[::every]])
+
+    def advance(self, seconds: float) -> None:
+        """Play on, up to the end."""
+        self.seek(self._time_s + seconds)
+
+    def seek(self, time_s: float) -> None:
+        """Go to a time of the run."""
+        self._time_s = min(max(time_s, self.begins_s), self.ends_s)
+        self.ended = self._run.reason if self._time_s == self.ends_s else ""
+
+    def now(self) -> Instant:
+        """The instant of the newest recorded state until now."""
+        present = np.flatnonzero(np.isfinite(self._run.states[: self._row + 1]).all(axis=1))
+        return self._at(int(present[-1]) if len(present) else self._row)
+
+    def history(self) -> Array:
+        """Rows of the signals (R, columns) until now."""
+        shown: Array = self._rows[: np.searchsorted(self._rows[:, 0], self._time_s, side="right")]
+        return shown
+
+    def look_ahead(self, seconds: float = 0.0) -> tuple[Array, Array]:
+        """Nothing: a recording has no controller."""
+        return np.empty((0, 1, len(self.plant.state_names))), np.empty((0, len(self.plant.initial_applied())))
+
+    @property
+    def _row(self) -> int:
+        return round((self._time_s - self.begins_s) / self._run.scenario.dt_s)
+
+    def _at(self, i: int) -> Instant:
+        """The instant of a row; the last state has the control of the step before."""
+        run, step = self._run, max(0, min(i, len(self._run.commands) - 1))
+        applied = self.plant.initial_applied()
+        applied[: run.applied.shape[1]] = run.applied[step]
+        k = run.first_step + i
+        return Instant(
+            time_s=float(run.time_s[i]),
+            state=run.states[i],
+            applied=applied,
+            reference=run.reference[i],
+            wind=self._disturbance.wind(k),
+            deviations=np.array([np.nan if j is None else run.telemetry[step, j] for j in self._deviations]),
+            solve_time_s=float(run.solve_time_s[step]),
+        )

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page of a flight in a browser: it draws, it obeys, and it asks nobody outside this machine."""
+
+import re
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.parameters import load_scenario, override
+from skydiver_utc.view.live_controls import LivePage, RunsPage
+from skydiver_utc.view.live_flight import LiveFlight
+from skydiver_utc.view.live_page import Page
+from skydiver_utc.view.recorded_flight import RecordedFlight
+
+pytest_plugins = ("browser",)
+pytestmark = pytest.mark.long
+SCRIPT = "<img src=x onerror=alert(1)><script>alert(1)</script>"
+LOAD_MS = 120_000
+SMALL = {"width": 1100, "height": 640}
+SCENE = "canvas[data-engine^='three.js']"
+
+
+@contextmanager
+def served(page: Page) -> Iterator[Page]:
+    """Frame by frame, in a thread of its own."""
+    done = threading.Event()
+    thread = threading.Thread(target=page.run, args=(done.is_set,))
+    thread.start()
+    try:
+        yield page
+    finally:
+        done.set()
+        thread.join()
+
+
+def opened(open_page, page: Page, **options):
+    """The page in a browser, loaded and drawn."""
+    # A page that stands still is drawn once: without a graphics card a moving one is hardly caught.
+    page.playing = False
+    shown = open_page(page.address, **(SMALL | options))
+    shown.page.set_default_timeout(LOAD_MS)
+    shown.page.wait_for_selector(SCENE)
+    shown.page.wait_for_selector(".u-title", state="attached")
+    page.later("draw", lambda: None)
+    wait(shown, lambda: shown.colours(SCENE) > 50)
+    if options.get("width", SMALL["width"]) >= SMALL["width"]:  # else the charts are folded
+        assert shown.colours(".uplot >> nth=0") > 10
+    page.later("play", page.toggle)
+    return shown
+
+
+def wait(shown, condition) -> None:
+    """Until a condition holds, which a test of the same page asserts within two minutes."""
+    for _ in range(LOAD_MS // 100):
+        if condition():
+            return
+        shown.page.wait_for_timeout(100)
+    raise AssertionError("the condition did not come true")
+
+
+def test_a_live_flight_is_drawn_and_obeys(open_page):
+    flight = LiveFlight(load_scenario("fast_turn_unknown_dynamics", {"title": SCRIPT, "name": SCRIPT}))
+    flight.advance(1.0)
+    with served(LivePage(flight, port=8190)) as page:
+        shown = opened(open_page, page)
+        browser = shown.page
+        # A new amplitude, typed beside its slider, turns the body otherwise.
+        field = browser.locator("input[value='400']").last
+        field.fill("50")
+        browser.keyboard.press("Enter")
+        wait(shown, lambda: flight.scenario.reference.amplitude_deg_s == 50.0)
+        wait(shown, lambda: abs(flight.now().state[12]) < np.deg2rad(60.0))
+
+        browser.get_by_role("button", name="Gust", exact=True).click()
+        wait(shown, lambda: np.linalg.norm(flight.now().wind) > 1.0)
+
+        browser.locator(SCENE).click()
+        browser.keyboard.press("Space")
+        wait(shown, lambda: not page.playing)
+        stopped = flight.now().time_s
+        browser.keyboard.press("Space")
+        wait(shown, lambda: flight.now().time_s > stopped)
+        browser.keyboard.press("r")
+        wait(shown, lambda: flight.now().time_s < stopped)
+
+        assert browser.locator("img[src='x']").count() == 0
+        assert shown.errors == []
+        assert shown.outside == []
+        assert page.server.get_host() == "127.0.0.1"
+        assert browser.get_by_text("Share", exact=True).count() == 0
+
+
+def test_recorded_runs_play_side_by_side_on_a_phone_in_the_dark(open_page):
+    scenario = load_scenario("turn_360_left", {"duration_s": 3.0})
+    other = override(scenario, {"reference.angle_deg": -360.0})
+    flights = [RecordedFlight(simulate(each), f"{SCRIPT}{i}") for i, each in enumerate((scenario, other))]
+    with served(RunsPage(flights, port=8195)) as page:
+        shown = opened(open_page, page, width=390, height=844)
+        wait(shown, lambda: all(each.ended for each in flights))
+        width = shown.page.evaluate("document.documentElement.scrollWidth")
+        assert width <= 390
+        page.later("begin", lambda: page.seek(0.0))
+        wait(shown, lambda: 0.0 < flights[0].now().time_s < 3.0)
+        left, right = (each.now().state[12] for each in flights)
+        assert left == pytest.approx(-right, abs=0.2)
+        assert shown.page.locator("img[src='x']").count() == 0
+        assert shown.errors == []
+        assert shown.outside == []
+
+
+def test_the_command_says_its_address_once():
+    command = [
+        sys.executable,
+        "-m",
+        "skydiver_utc",
+        "view",
+        "--live",
+        "slow_turn_pose_only",
+        "--port",
+        "8199",
+    ]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        line = next(line for line in process.stderr if "http" in line)
+        process.send_signal(2)
+        out, rest = process.communicate(timeout=60)
+    assert re.search(r"http://127\.0\.0\.1:\d+", line)
+    assert "http" not in out + rest
+    assert process.returncode == 0
