@@ -364,13 +364,16 @@ def replay(**options: Any) -> None:
 @click.option(
     "--live", metavar="SCENARIO", help="Fly this scenario in real time; its settings become sliders."
 )
+@click.option(
+    "--ros", metavar="NAMESPACE", help="Show the flight over ROS in this namespace, such as skydiver."
+)
 @_settings
 @click.option(
     "--port", default=8080, show_default=True, type=click.IntRange(1, 65535),
     help="Where the page is served; the next free one if it is taken.",
 )  # fmt: skip
 def view(**options: Any) -> None:
-    """Show the run folders RUN side by side in a browser, or a flight as it goes on.
+    """Show the run folders RUN side by side in a browser, or a flight as it goes on, here or over ROS.
 
     The page has the body in 3-D, the forces on its segments, the wind and its path, and charts of the signals. It is
     served to browsers of this machine only; its address is printed.

@@ -22,7 +22,7 @@ from skydiver_utc.references.live import Live as LiveReference
 
 _COLUMNS = ("run", "phase", ">simulated", ">rate", ">error", "controls", ">late answers")
 # Between two plain lines of a run; the first of them, so that a short run has none.
-_LINE_PERIOD_S = 10.0
+LINE_PERIOD_S = 10.0
 
 
 class RunStatus:
@@ -99,7 +99,7 @@ class _Run:
 
     def line_is_due(self) -> bool:
         """True once in some seconds."""
-        if due := time.monotonic() - self._line_at >= _LINE_PERIOD_S:
+        if due := time.monotonic() - self._line_at >= LINE_PERIOD_S:
             self._line_at = time.monotonic()
         return due
 

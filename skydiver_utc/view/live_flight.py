@@ -153,7 +153,7 @@ class LiveFlight:
     def _step(self) -> None:
         controller, k = self._decider.controller, self._steps.k
         preview = self._preview(k, controller.preview_steps + 1)
-        decision = self._decider.decide(k, self._steps.state.copy(), preview)
+        decision = self._decider.decide(k, self._steps.measured, preview)
         if not self._steps.step(decision.control):
             self.ended = self._steps.reason
         self._decider.predict()

@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `view` shows is named once."""
+
+import pytest
+from click.testing import CliRunner
+
+from skydiver_utc.cli.main import main
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        [],
+        ["run", "--live", "turn_360_left"],
+        ["--live", "turn_360_left", "--ros", "anna"],
+        ["run", "--set", "seed=1"],
+    ],
+)
+def test_runs_a_scenario_or_a_namespace(given):
+    result = CliRunner().invoke(main, ["view", *given])
+    assert result.exit_code == 2
+    assert "--live" in result.stderr
