@@ -96,7 +96,7 @@ def test_a_live_flight_is_drawn_and_obeys(open_page):
         assert browser.get_by_text("Share", exact=True).count() == 0
 
 
-def test_recorded_runs_play_side_by_side_on_a_phone_in_the_dark(open_page):
+def test_recorded_runs_play_side_by_side_on_a_phone(open_page):
     scenario = load_scenario("turn_360_left", {"duration_s": 3.0})
     other = override(scenario, {"reference.angle_deg": -360.0})
     flights = [RecordedFlight(simulate(each), f"{SCRIPT}{i}") for i, each in enumerate((scenario, other))]
