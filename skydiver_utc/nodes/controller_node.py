@@ -3,6 +3,7 @@
 
 import sys
 import time
+from collections import deque
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
@@ -14,6 +15,7 @@ from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
 
 from skydiver_utc.controllers.protocol import Controller, Status
+from skydiver_utc.estimators.consistency import consistency
 from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.estimators.sensor_models import SensorOfPlant
 from skydiver_utc.loop.decisions import Decider
@@ -48,6 +50,7 @@ from skydiver_utc.parameters.nanoseconds import stamp_ns
 Vector = NDArray[np.float64]
 
 _PATIENCE_S = 5.0
+_RECENT_STEPS = 1000  # of which the estimate is judged
 _WARNINGS = {
     Status.KEPT_PREVIOUS: "the last decision was not finite: kept the control before",
     Status.NOT_REACHED: "the reference has long been out of reach",
@@ -81,6 +84,7 @@ class ControllerNode(ScenarioNode):
         self._applieds: Subscription | None = None  # until the first decision
         self._new_state_at = time.monotonic()
         self._tuned = TunedScenario(self.scenario, self.settings.delay_steps)
+        self._recent = deque[Vector](maxlen=_RECENT_STEPS)  # telemetry
         self._coming: Controller | None = None  # in force from the next decision on
         self._is_first, self._began_at = True, 0  # of the next decision: the first one; its step
         self._began_from: Vector | None = None  # the applied command that it begins from
@@ -98,6 +102,8 @@ class ControllerNode(ScenarioNode):
         self._decider = Decider(self._build(self.scenario), estimator, self._plant, disturbance)
         self._use(self._decider.controller)
         self._sensors = build_sensors(self.scenario, self._plant)
+        if self._sensors is not None:
+            consistency(np.ones((_RECENT_STEPS, 1)))  # imports SciPy before the run
         self._readings: dict[tuple[int, int], Reading] = {}  # not used yet, by sensor and step
         self._due: list[tuple[int, int]] = []  # in lockstep, at the step `_due_at`
         self._due_at = -1
@@ -199,12 +205,22 @@ class ControllerNode(ScenarioNode):
             "slowest_solve_ms": f"{1e3 * slowest_s:.3f}",
             "passed_over": self.passed_over,
             "reference": self._preview.covered(),
+            **self._verdicts(),
         }
         if missing := self.missing():
             return Health(Level.WARN if self.answered >= 0 else Level.OK, missing, values)
         if self._status in _WARNINGS:
             return Health(Level.WARN, _WARNINGS[self._status], values)
         return Health(Level.OK, "answering", values)
+
+    def _verdicts(self) -> dict[str, object]:
+        """Of each sensor the mean NIS of late, the interval of a filter that is right, and the verdict."""
+        names, found = self._decider.telemetry_names, dict[str, object]()
+        for sensor in self._sensors.models if self._sensors and self._recent else ():
+            columns = [names.index(f"innovation_{sensor.name}_{name}") for name in sensor.names]
+            c = consistency(np.array(self._recent)[:, columns])
+            found[f"nis_{sensor.name}"] = f"{c.mean:.2f} ({c.low:.2f} to {c.high:.2f} expected): {c.verdict}"
+        return found
 
     def missing(self) -> str:
         """The inputs that are missing for an answer."""
@@ -238,6 +254,7 @@ class ControllerNode(ScenarioNode):
 
     def _use(self, controller: Controller) -> None:
         self._decider.controller = controller
+        self._recent.clear()
         self._needs = controller.preview_steps + 1
         self._out.name_telemetry(self._decider.telemetry_names)
 
@@ -317,6 +334,7 @@ class ControllerNode(ScenarioNode):
         self._out.publish_command(stamp, self._command)
         self.passed_over += max(0, k - self.answered - 1) if self.answered >= 0 else 0
         self.answered, self._status = k, decision.status
+        self._recent.append(decision.telemetry)
         self._slowest_s = max(self._slowest_s, self._decider.solve_time_s)
         self._out.publish_telemetry(stamp, decision, self._decider.solve_time_s)
         self._decider.predict()
