@@ -16,6 +16,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 
 _CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -38,13 +39,16 @@ class OpenedPage(NamedTuple):
 
     def colours(self, selector: str) -> int:
         """How many different colours the pixels of an element have: one or two where it is blank."""
+        return len(np.unique(self.pixels(selector).reshape(-1, 3), axis=0))
+
+    def pixels(self, selector: str) -> NDArray[np.uint8]:
+        """What an element looks like (height, width, 3)."""
         # An element's own screenshot waits until it is still, which a body that plays never is.
         box = self.page.locator(selector).first.evaluate(
             "(e) => { e.scrollIntoView({ block: 'center' }); return e.getBoundingClientRect().toJSON() }"
         )
         png = self.page.screenshot(clip={name: box[name] for name in ("x", "y", "width", "height")})
-        pixels = np.asarray(Image.open(BytesIO(png)).convert("RGB")).reshape(-1, 3)
-        return len(np.unique(pixels, axis=0))
+        return np.asarray(Image.open(BytesIO(png)).convert("RGB"))
 
 
 OpenPage = Callable[..., OpenedPage]
