@@ -51,12 +51,11 @@ def drawing(plant: Plant, poses: Floats, colours: list[str]) -> str:
     from scipy.spatial.transform import Rotation
 
     centres = poses[:, :3] - poses[:, :3].mean(axis=0)
-    axes = (
-        Rotation.from_quat(poses[:, 3:]).as_matrix() * np.array([s.half_axes for s in plant.shapes])[:, None]
-    )
+    half_axes = np.array([shape.half_axes for shape in plant.shapes])
+    axes = Rotation.from_quat(poses[:, 3:]).as_matrix() * half_axes[:, np.newaxis]
     flat = _PICTURE @ axes  # (S, 2, 3): an ellipsoid is seen as the ellipse of flat flat'
     places = centres @ _PICTURE.T
-    reach = 1.05 * float(np.max(np.linalg.norm(centres, axis=1) + axes.max(axis=(1, 2))))
+    reach = 1.05 * float(np.max(np.linalg.norm(centres, axis=1) + half_axes.max(axis=1)))
     return "".join(
         [
             f'<svg viewBox="{-reach:.3f} {-reach:.3f} {2 * reach:.3f} {2 * reach:.3f}" aria-hidden="true">',
