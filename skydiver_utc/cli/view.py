@@ -42,10 +42,10 @@ def _page_over_ros(namespace: str, port: int, stack: ExitStack) -> Page:
     os.environ.update(
         node_environment({**os.environ, "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or "0"})
     )
-    from skydiver_utc.nodes.view_node import ViewNode
+    from skydiver_utc.nodes.observed_run import ObservedRun
     from skydiver_utc.view.ros_flight import RosFlight
 
     click.echo(f"waiting for {namespace} on ROS domain {os.environ['ROS_DOMAIN_ID']}", err=True)
-    node = ViewNode(namespace)
+    node = ObservedRun(namespace)
     stack.callback(node.close)
     return Page([RosFlight(node)], node.scenario.title or node.namespace, port)

@@ -119,7 +119,9 @@ def problem(study: Study) -> dict[str, Any]:
 def salib(module: str) -> Any:
     """A module of SALib; raises `ParameterError` without it."""
     try:
-        return import_module(f"SALib.{module}")
+        import SALib
+
+        return import_module(f"{SALib.__name__}.{module}")
     except ModuleNotFoundError as error:
         raise ParameterError("this sampler needs SALib: pip install skydiver_utc[studies]") from error
 

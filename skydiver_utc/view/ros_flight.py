@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.loop.registry import build_disturbances
-from skydiver_utc.nodes.view_node import ViewNode
+from skydiver_utc.nodes.observed_run import ObservedRun
 from skydiver_utc.view.live_signals import Instant, Signals
 
 Array = NDArray[np.float64]
@@ -17,7 +17,7 @@ _MOST_ROWS = 300  # ten seconds of frames
 class RosFlight:
     """The newest messages of a run; its time is the run's own, whatever the page's speed."""
 
-    def __init__(self, node: ViewNode) -> None:
+    def __init__(self, node: ObservedRun) -> None:
         self._node = node
         self.name, self.plant, self.tracked = node.namespace, node.plant, node.tracked
         self.signals, self.ended = Signals(node.plant, node.tracked), ""

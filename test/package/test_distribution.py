@@ -81,7 +81,7 @@ def test_manifest_names_every_ros_package_that_is_imported(manifest: ElementTree
 
 
 def test_setup_declares_every_library_that_is_imported(setup_arguments: dict[str, Any]) -> None:
-    requirements = [*setup_arguments["install_requires"], *setup_arguments["extras_require"]["parquet"]]
+    requirements = [*setup_arguments["install_requires"], *setup_arguments["extras_require"]["studies"]]
     declared = {re.split(r"[<>=\[]", requirement)[0] for requirement in requirements}
     imported = {name.split(".")[0] for path in modules() for name in imports(path) if not is_ros(name)}
     libraries = imported - sys.stdlib_module_names - {"skydiver_utc", "ament_index_python"}

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 _POLL_S = 0.05
 
 
-class ViewNode:
+class ObservedRun:
     """The newest step k, state (n,), applied (a,) and reference (l,) of a namespace; ended: there was an outcome.
 
     It subscribes to the state only once the plant's diagnostics count steps: a plant that waits for its subscribers

@@ -13,7 +13,7 @@ from std_msgs.msg import String
 
 from skydiver_utc.messages import StepGrid, fill_named, fill_odometry
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.view_node import ViewNode
+from skydiver_utc.nodes.observed_run import ObservedRun
 from skydiver_utc.parameters import ParameterError, load_scenario, to_yaml
 from skydiver_utc.view.ros_flight import RosFlight
 
@@ -62,7 +62,7 @@ def test_the_newest_state_and_controls_are_shown_once_the_plant_counts_steps(con
     thread = threading.Thread(target=fly)
     thread.start()
     try:
-        viewed = ViewNode("anna", 60.0, context)
+        viewed = ObservedRun("anna", 60.0, context)
         flight = RosFlight(viewed)
         while flight.now().applied[3] != 0.5:
             flight.advance(0.01)
@@ -80,4 +80,4 @@ def test_the_newest_state_and_controls_are_shown_once_the_plant_counts_steps(con
 
 def test_a_namespace_without_a_flight_is_named(context):
     with pytest.raises(ParameterError, match="nobody"):
-        ViewNode("nobody", 0.3, context)
+        ObservedRun("nobody", 0.3, context)
