@@ -244,6 +244,7 @@ def ended(folder: Path, least: int, process: "subprocess.Popen[str]") -> None:
             except sqlite3.OperationalError:  # its table is being made
                 pass
         time.sleep(0.02)
+    process.kill()
     raise AssertionError(process.communicate()[1])
 
 
