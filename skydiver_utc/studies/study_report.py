@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from skydiver_utc.analysis.study_figures import Shares, success_figure
+from skydiver_utc.analysis.study_figures import ErrorMap, error_maps
 from skydiver_utc.analysis.style import png
 from skydiver_utc.parameters.files import write_file
 from skydiver_utc.studies.bars import Bar
@@ -20,19 +20,21 @@ from skydiver_utc.studies.flights import Plan
 from skydiver_utc.studies.intervals import median_interval, share_interval
 from skydiver_utc.studies.ledger import FAILED, Row
 from skydiver_utc.studies.markdown import figure, percent, table
-from skydiver_utc.studies.study import Variation
 
-REPORT, FIGURE = "report.md", "success.png"
-_MOST_BINS, _RUNS_PER_BIN = 12, 5
+REPORT, FIGURE = "report.md", "maps.png"
 _MOST_FAILURES = 20
 
 
 def write_report(folder: Path, plan: Plan, rows: Sequence[Row]) -> None:
-    """Write report.md, success.png, and runs.parquet, or runs.csv where pyarrow is not installed."""
+    """Write report.md, maps.png, and runs.parquet, or runs.csv where pyarrow is not installed."""
     _write_runs(folder, plan, rows)
-    panels = shares_by_value(plan, rows)
+    metric = next(iter(plan.study.success), plan.study.metrics[0])
+    panels = maps_of(plan, rows, metric)
     if panels:
-        write_file(folder / FIGURE, png(success_figure(panels)))
+        bar = plan.study.success.get(metric)
+        bars = [side for side in (bar.at_least, bar.at_most) if side is not None] if bar else []
+        figure = error_maps(panels, metric, bars, plan.study.sampler == "one_by_one")
+        write_file(folder / FIGURE, png(figure))
     write_file(folder / REPORT, report(plan, rows, bool(panels)))
 
 
@@ -58,7 +60,7 @@ def report(plan: Plan, rows: Sequence[Row], with_figure: bool) -> str:
     if study.by_salib:
         parts += [f"## Sensitivity of {study.metrics[0]}", sensitivity_table(plan, rows)]
     if with_figure:
-        parts += [f"![Share of successes against each value]({FIGURE})"]
+        parts += [f"![The metric of success against each value, dashed: the bar of a success]({FIGURE})"]
     if failures := [row for row in rows if row.outcome == FAILED]:
         shown = [(str(row.number), row.case, row.sentence) for row in failures[:_MOST_FAILURES]]
         parts += [f"## {len(failures)} runs failed", table(("run", "case", "error"), shown)]
@@ -130,30 +132,22 @@ def borne(runs: Sequence[tuple[Any, bool]], own: float | None) -> str:
     return f"{low:.3g} to {high:.3g}" + (" (all)" if whole else "")
 
 
-def shares_by_value(plan: Plan, rows: Sequence[Row]) -> list[Shares]:
-    """Share of successes of each case against the values of each variation that are numbers."""
+def maps_of(plan: Plan, rows: Sequence[Row], metric: str) -> list[ErrorMap]:
+    """A metric of each case's runs against each of the variations that are numbers."""
     panels = []
     for name, one in plan.study.vary.items():
-        lines: dict[str, tuple[list[float], list[float]]] = {}
+        found: dict[str, tuple[list[float], list[float]]] = {}
         for case in plan.scenarios:
-            runs = [
-                (row.sample[name], row.success) for row in rows if row.case == case and name in row.sample
-            ]
-            if runs and all(_is_number(value) for value, _ in runs):
-                lines[case] = _binned(one, np.array(runs, dtype=float))
-        if lines:
-            panels.append(Shares(f"{name} [{one.unit or '1'}]", one.log_uniform is not None, lines))
+            own = [row for row in rows if row.case == case and _is_number(row.sample.get(name))]
+            points = sorted(
+                (row.sample[name], row.metrics[metric]) for row in own if _is_number(row.metrics.get(metric))
+            )
+            if points:
+                values, measured = zip(*points, strict=True)
+                found[case] = list(values), list(measured)
+        if found:
+            panels.append(ErrorMap(f"{name} [{one.unit or '1'}]", one.log_uniform is not None, found))
     return panels
-
-
-def _binned(one: Variation, runs: "np.ndarray[Any, Any]") -> tuple[list[float], list[float]]:
-    """Mean value and share of successes of runs with neighbouring values (R, 2)."""
-    runs = runs[np.argsort(runs[:, 0], kind="stable")]
-    if one.values:
-        groups = [runs[runs[:, 0] == value] for value in np.unique(runs[:, 0])]
-    else:
-        groups = np.array_split(runs, max(1, min(_MOST_BINS, len(runs) // _RUNS_PER_BIN)))
-    return [float(group[:, 0].mean()) for group in groups], [float(group[:, 1].mean()) for group in groups]
 
 
 def sensitivity_table(plan: Plan, rows: Sequence[Row]) -> str:

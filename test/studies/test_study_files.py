@@ -179,7 +179,7 @@ class TestRuns:
         report = (out / "report.md").read_text(encoding="utf-8")
         assert "| light | 6 |" in report
         assert "| heavy | 6 |" in report
-        assert imread(out / "success.png").shape[1] > 600
+        assert imread(out / "maps.png").shape[1] > 600
         assert (out / "runs.parquet").is_file() or len(list(csv.reader((out / "runs.csv").open()))) == 13
 
     def test_a_ledger_of_another_study_is_refused(self, tmp_path: Path) -> None:
