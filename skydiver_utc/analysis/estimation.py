@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether the estimate of a run can be believed: its errors, and the innovations of its sensors."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,12 @@ _INNOVATION, _DEVIATION, _NIS = "innovation_", "deviation_", "nis_"
 
 
 def sensor_names(run: Run) -> list[str]:
-    """The sensors of the estimator, none of one that is given the state."""
-    return [name.removeprefix(_NIS) for name in run.telemetry_names if name.startswith(_NIS)]
+    """The sensors of the estimator whose innovations follow their NIS; none of one that is given the state."""
+    return [
+        name.removeprefix(_NIS)
+        for name, after in pairwise(run.telemetry_names)
+        if name.startswith(_NIS) and after.startswith(_INNOVATION)
+    ]
 
 
 def innovations(run: Run, sensor: str) -> Floats:
