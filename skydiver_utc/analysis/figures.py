@@ -29,7 +29,7 @@ from skydiver_utc.analysis.style import (
     house_style,
     short,
 )
-from skydiver_utc.analysis.units import in_degrees, shown
+from skydiver_utc.analysis.units import shown, shown_disturbance
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
 from skydiver_utc.references.profiles import Rotation
@@ -85,7 +85,7 @@ def _panels(run: Run) -> list[Panel]:
     by_unit: dict[str, list[str]] = {}
     for name in run.disturbance_names:
         if np.nan_to_num(run.disturbance[:, run.disturbance_names.index(name)]).any():
-            by_unit.setdefault(_of_disturbance(run, name)[0], []).append(name)
+            by_unit.setdefault(_disturbance_label(run, name), []).append(name)
     found += [(1.2, partial(_draw_disturbance, run=run, names=names)) for names in by_unit.values()]
     if is_skydiver(run.plant) and isinstance(run.scenario.reference, Rotation | Points):
         found.append((1.6, partial(_draw_angle, run=run)))
@@ -180,22 +180,18 @@ def _draw_angle(axes: Axes, run: Run) -> None:
     axes.set_ylabel(f"{'heading' if run.tracked_names == ('yaw_rate',) else 'pitch'}\nturned [deg]")
 
 
-def _of_disturbance(run: Run, name: str) -> tuple[str, float]:
-    """The label of its axis, and the factor to the unit in it."""
-    if name.startswith("wind_"):
-        return "wind [m/s]", 1.0
-    unit, factor = in_degrees(run.plant.units.get(name.removeprefix("error_"), "1"))
-    return f"measured\nless true [{unit}]", factor
+def _disturbance_label(run: Run, name: str) -> str:
+    words = "wind" if name.startswith("wind_") else "measured\nless true"
+    return f"{words} [{shown_disturbance(run.plant, name).unit}]"
 
 
 def _draw_disturbance(axes: Axes, run: Run, names: list[str]) -> None:
     """Disturbances of one unit."""
-    label, factor = _of_disturbance(run, names[0])
     for name, colour in zip(names, itertools.cycle(CONTROL_COLOURS), strict=False):
-        values = factor * run.disturbance[:, run.disturbance_names.index(name)]
-        shown_as = name.removeprefix("wind_").removeprefix("error_").replace("_", " ")
-        axes.plot(run.time_s, _drawn(values), color=colour, linewidth=0.9, label=shown_as)
-    axes.set_ylabel(label)
+        scale, column = shown_disturbance(run.plant, name), run.disturbance_names.index(name)
+        values = _drawn(scale.factor * run.disturbance[:, column])
+        axes.plot(run.time_s, values, color=colour, linewidth=0.9, label=scale.name)
+    axes.set_ylabel(_disturbance_label(run, names[0]))
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.96), ncols=len(names), borderaxespad=0.0)
 
 

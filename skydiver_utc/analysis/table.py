@@ -24,6 +24,7 @@ def columns(run: Run) -> dict[str, Floats]:
         "command": (plant.control_names, run.commands),
         "applied_command": (plant.control_names, run.applied),
         "telemetry": (run.telemetry_names, run.telemetry),
+        "disturbance": (run.disturbance_names, run.disturbance),
     }
     found = {"time_s": run.time_s}
     for topic, (names, values) in blocks.items():

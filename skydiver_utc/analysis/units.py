@@ -32,3 +32,10 @@ def shown(plant: Plant, name: str, degrees: bool = True) -> Shown:
     if degrees:
         unit, factor = in_degrees(unit)
     return Shown(name.replace("_", " "), unit, factor)
+
+
+def shown_disturbance(plant: Plant, name: str) -> Shown:
+    """Presentation of one of `Run.disturbance_names`: `wind_` and an axis, or `error_` and a state."""
+    kind, _, signal = name.partition("_")
+    unit, factor = ("m/s", 1.0) if kind == "wind" else in_degrees(plant.units.get(signal, "1"))
+    return Shown(signal.replace("_", " "), unit, factor)

@@ -279,7 +279,7 @@ def export(**options: Any) -> None:
     """Write the recorded run RUN for other programs; several forms at once, if wanted.
 
     Columns are time_s, and by their topic and name state/.., command/.., applied_command/.., reference/.., output/..,
-    telemetry/.., solve_time_s and status, in SI units and radians; NaN where a step has no value.
+    telemetry/.., disturbance/.., solve_time_s and status, in SI units and radians; NaN where a step has no value.
     """
     _run("export", "export", **options)
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.metrics import CONVERGED_SHARE
-from skydiver_utc.analysis.units import shown
+from skydiver_utc.analysis.units import shown, shown_disturbance
 from skydiver_utc.loop.run import Run
 
 Floats = NDArray[np.float64]
@@ -40,10 +40,10 @@ class Signal(NamedTuple):
 
 
 def signals(run: Run) -> list[Signal]:
-    """All signals of a run; of the controller's telemetry those that are not zero throughout."""
+    """All signals of a run; of disturbances and telemetry those that are not zero throughout."""
     body = _motion(run) if run.plant.state_message == "odometry" else _states(run)
-    told = [one for one in _calls(run) if np.nan_to_num(one.values).any()]
-    return [*_tracked(run), *_controls(run), *body, *told, *_estimates(run)]
+    some = [one for one in (*_disturbances(run), *_calls(run)) if np.nan_to_num(one.values).any()]
+    return [*_tracked(run), *_controls(run), *body, *some, *_estimates(run)]
 
 
 def silent(run: Run) -> list[str]:
@@ -117,8 +117,16 @@ def _states(run: Run) -> Iterator[Signal]:
         yield Signal("Plant", title, scale.unit, scale.name, scale.factor * values)
 
 
+def _disturbances(run: Run) -> Iterator[Signal]:
+    """Wind, and measured less true state, by unit."""
+    for name, values in zip(run.disturbance_names, run.disturbance.T, strict=True):
+        scale = shown_disturbance(run.plant, name)
+        chart = "wind" if name.startswith("wind_") else "measured less true state"
+        yield Signal("Disturbances", chart, scale.unit, scale.name, scale.factor * values, "value", True)
+
+
 def _calls(run: Run) -> Iterator[Signal]:
-    """Of the controller: the time of its calls, and what it tells of them."""
+    """Of the controller: the time of its calls, and its telemetry."""
     yield Signal("Controller", "solve time", "us", "solve time", 1e6 * run.solve_time_s)
     for name, values in zip(run.telemetry_names, run.telemetry.T, strict=True):
         first, _, rest = name.partition("_")
@@ -185,7 +193,7 @@ def charts(runs: Sequence[Run], names: Sequence[str]) -> list[dict[str, Any]]:
 
     Of several runs each signal has a chart of its own with one curve for each run, and the reference of the first.
     """
-    found: dict[tuple[str, str], dict[str, Any]] = {}
+    found: dict[tuple[str, str, str], dict[str, Any]] = {}
     alone = len(runs) == 1
     for number, run in enumerate(runs):
         of_run = signals(run)
@@ -195,7 +203,7 @@ def charts(runs: Sequence[Run], names: Sequence[str]) -> list[dict[str, Any]]:
                 continue
             title = f"{one.chart}: {one.name}" if not alone and curves[one.chart] > 1 else one.chart
             chart = found.setdefault(
-                (one.section, title),
+                (one.section, title, one.unit),
                 {"section": one.section, "title": title, "unit": one.unit, "limits": None, "curves": []},
             )
             chart["limits"] = chart["limits"] or _drawable(one.limits)

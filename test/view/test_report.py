@@ -94,6 +94,16 @@ def test_an_estimator_has_its_innovations_and_errors() -> None:
     assert [curve["role"] for curve in error["curves"]] == ["band", "value"]
 
 
+def test_wind_and_errors_of_the_measured_state_are_drawn_where_they_acted() -> None:
+    acted = np.zeros((81, 3))
+    acted[40:, 0], acted[:, 1] = 5.0, np.deg2rad(2.0)
+    run = turning(disturbance=acted, disturbance_names=("wind_x", "error_wz", "error_vx"))
+    found = {chart["title"]: chart for chart in charts([run], [""]) if chart["section"] == "Disturbances"}
+    assert found["wind"]["curves"][0]["y"].max() == 5.0
+    (error,) = found["measured less true state"]["curves"]
+    np.testing.assert_allclose(error["y"], 2.0)
+
+
 def test_another_plant_has_its_own_signals() -> None:
     text = page(random_run(cart()))
     assert {"place", "speed: error", "force", "states", "innovation", "clipped"} <= titles(text)
