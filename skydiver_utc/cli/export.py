@@ -19,8 +19,8 @@ def export(folder: Path, forms: Sequence[str], out: Path | None) -> None:
         raise CommandError(
             "give at least one form, such as --csv or --svg: `skydiver-utc export --help` lists them"
         )
-    prepare_folder(out)
     run, place = read_run(folder), out or (folder if folder.is_dir() else folder.parent)
+    prepare_folder(out)
     for form in dict.fromkeys(forms):
         path = place / f"{'run' if form in FORMS else 'tracking'}.{form}"
         try:

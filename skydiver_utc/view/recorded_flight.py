@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from skydiver_utc.loop.registry import build_disturbances
 from skydiver_utc.loop.run import Run
+from skydiver_utc.parameters import ParameterError
 from skydiver_utc.view.live_signals import Instant, Signals
 
 Array = NDArray[np.float64]
@@ -13,9 +14,15 @@ _MOST_ROWS = 1500
 
 
 class RecordedFlight:
-    """A run at a time that moves on with `advance` and jumps with `seek`; begins_s, ends_s: its first and last time."""
+    """A run at a time that moves on with `advance` and jumps with `seek`; begins_s, ends_s: its first and last time.
+
+    Raises `ParameterError` for a run without a step.
+    """
 
     def __init__(self, run: Run, name: str) -> None:
+        present = np.flatnonzero(np.isfinite(run.states).all(axis=1))
+        if not (len(present) and len(run.commands)):
+            raise ParameterError(f"{name} has no step to show: {run.reason or 'no state was recorded'}")
         self.name, self.plant, self.tracked = name, run.plant, run.tracked_names
         self.signals = Signals(run.plant, run.tracked_names)
         self.begins_s, self.ends_s, self.ended = float(run.time_s[0]), float(run.time_s[-1]), ""
@@ -26,7 +33,6 @@ class RecordedFlight:
             for name in run.plant.control_names
         ]
         every = max(1, len(run.commands) // _MOST_ROWS)
-        present = np.flatnonzero(np.isfinite(run.states).all(axis=1))
         self._rows = np.array([self.signals.row(self._at(i)) for i in present[::every]])
 
     def advance(self, seconds: float) -> None:

@@ -56,7 +56,7 @@ def test_figures_in_each_form(folder: Path) -> None:
 
 
 def test_what_cannot_be_exported_is_one_sentence(folder: Path, tmp_path: Path) -> None:
-    for arguments in ((folder,), (tmp_path / "none", "--csv")):
+    for arguments in ((folder,), (tmp_path / "none", "--csv", "--out", tmp_path / "new")):
         result = invoke("export", *arguments)
         assert (result.exit_code, result.stderr.count("Error: ")) == (2, 1)
         assert not list(tmp_path.iterdir())

@@ -3,12 +3,14 @@
 
 import numpy as np
 import pytest
-from runs import cart
+from runs import cart, run_of
 
 from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.parameters import ParameterError, load_scenario, override
 from skydiver_utc.view.live_flight import LiveFlight
 from skydiver_utc.view.live_settings import label, settings_to_change, slider_range
+from skydiver_utc.view.recorded_flight import RecordedFlight
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +105,11 @@ def test_a_plant_without_a_wind_has_no_gust_and_other_controllers_predict_their_
         flight.blow()
     states, _ = flight.look_ahead()
     assert np.isfinite(states).all()
+
+
+def test_a_recording_without_a_step_is_refused():
+    with pytest.raises(ParameterError, match="anna"):
+        RecordedFlight(run_of(steps=0, outcome=Outcome.NO_COMMAND), "anna")
 
 
 def test_each_number_of_a_setting_has_a_range_that_it_may_take():
