@@ -3,27 +3,22 @@
 
 import time
 from collections.abc import Callable, Sequence
-from contextlib import redirect_stdout
-from io import StringIO
+from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
-import viser
 from numpy.typing import NDArray
 
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.view.flight_view import Flight, FlightView
-from skydiver_utc.view.scene import light
+from skydiver_utc.view.scene import light, scene_server
 
 Array = NDArray[np.float64]
-# Nobody but this machine is served.
-_HOST = "127.0.0.1"
 _FRAME_S, _FRAMES_OF_CHARTS = 1.0 / 30.0, 3
 # A page that was held up goes on from where it was, instead of catching up with the clock.
 _LONGEST_FRAME_S = 0.1
 _BESIDE_M = 2.4
 _SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
-Hotkey = Any
 
 
 class Page:
@@ -35,8 +30,8 @@ class Page:
     def __init__(
         self, flights: Sequence[Flight], title: str, port: int = 8080, span: tuple[float, float] | None = None
     ) -> None:
-        with redirect_stdout(StringIO()):  # the address is said by the command
-            self.server = viser.ViserServer(host=_HOST, port=port, label=title, verbose=False)
+        self._open = ExitStack()
+        self.server = self._open.enter_context(scene_server(port, title))
         self.playing, self.frames = True, 0
         self._speed, self._pending = 1.0, dict[str, Callable[[], None]]()
         self._shown_at = time.perf_counter()
@@ -68,16 +63,15 @@ class Page:
 
     @property
     def address(self) -> str:
-        """Where a browser of this machine finds the page."""
-        return f"http://{_HOST}:{self.server.get_port()}"
+        """The page's address for browsers of this machine."""
+        return f"http://{self.server.get_host()}:{self.server.get_port()}"
 
     def add_controls(self) -> None:
         """Add to the page what a user can change."""
 
-    def on(self, words: str, act: Callable[[], None], button: Any = None, hotkey: Hotkey = None) -> None:
+    def on(self, words: str, act: Callable[[], None], button: Any, hotkey: Any) -> None:
         """Act at the next frame after a click on a button, or after a key."""
-        if button is not None:
-            button.on_click(lambda _: self.later(words, act))
+        button.on_click(lambda _: self.later(words, act))
         self.server.gui.add_command(words, hotkey=hotkey).on_trigger(lambda _: self.later(words, act))
 
     def later(self, name: str, act: Callable[[], None]) -> None:
@@ -110,14 +104,14 @@ class Page:
 
     def _act(self) -> bool:
         """Do what users asked for since the last frame; False if that is nothing."""
-        acted = bool(self._pending)
-        while self._pending:
+        names = list(self._pending)  # at once: threads of the server add to it
+        for name in names:
             try:
-                self._pending.pop(next(iter(self._pending)))()
+                self._pending.pop(name)()
             except ParameterError as error:
                 for client in self.server.get_clients().values():
                     client.add_notification("Not changed", str(error), color="red", auto_close_seconds=8.0)
-        return acted
+        return bool(names)
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
         """Serve the page, frame by frame, until interrupted."""
@@ -131,9 +125,8 @@ class Page:
             self.stop()
 
     def stop(self) -> None:
-        """Serve no more."""
-        with redirect_stdout(StringIO()):
-            self.server.stop()
+        """Stop the server."""
+        self._open.close()
 
     def _set_speed(self, speed: float) -> None:
         self._speed = speed

@@ -24,12 +24,12 @@ _POINTS = 24  # of the unit sphere around its equator
 
 
 @contextmanager
-def scene_server(port: int = 0) -> "Iterator[ViserServer]":
+def scene_server(port: int = 0, title: str | None = None) -> "Iterator[ViserServer]":
     """A viser server on this machine's loopback only, without its own messages; port 0: any free one."""
     from viser import ViserServer
 
     with redirect_stdout(StringIO()):
-        server = ViserServer(host="127.0.0.1", port=port, verbose=False)
+        server = ViserServer(host="127.0.0.1", port=port, label=title, verbose=False)
     try:
         yield server
     finally:
