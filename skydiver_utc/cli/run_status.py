@@ -71,7 +71,7 @@ class _Run:
         self._first: tuple[int, float] | None = None  # step and time of the first report
         self._plant = factory("plant", scenario.plant.kind)
         reference = build_reference(scenario)
-        # What a stick will be is not known here.
+        # A stick is not known here.
         self._reference = None if isinstance(reference, LiveReference) else reference
         whole = f"0.0 of {scenario.duration_s:g} s"
         self.cells = [printable(name), "getting ready", whole, "-", "-", "-", "-"]
@@ -114,7 +114,7 @@ class _Run:
             return "-"
         wanted = dict(zip(self._reference.outputs, self._reference.preview(step, 1)[0], strict=True))
         found = []
-        for name in wanted.keys() & outputs.keys():
+        for name in filter(outputs.__contains__, wanted):
             scale = shown(self._plant, name)
             found.append(f"{scale.factor * (outputs[name] - wanted[name]):.3g} {scale.unit}")
         return ", ".join(found) or "-"
