@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a page shows of a flight over ROS: subscribes to a run that has begun, and publishes nothing."""
+"""Node behind a page on a flight over ROS: subscribes to a run that has begun, and publishes nothing."""
 
 import threading
 import time

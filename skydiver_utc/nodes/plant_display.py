@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What RViz, Foxglove and other displays draw of a plant: URDF, joint angles, transforms and markers."""
+"""Topics on which RViz, Foxglove and other displays draw a plant: URDF, joint angles, transforms and markers."""
 
 from typing import Any
 

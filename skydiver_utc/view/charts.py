@@ -19,7 +19,7 @@ _HEIGHT = 170  # pixels
 
 
 class Ahead:
-    """What a controller expects of the outputs: time (J,), and each output (S, J, L); row 0 under its command."""
+    """Outputs as a controller expects them: time (J,), and each output (S, J, L); row 0 under its command."""
 
     def __init__(self, time_s: Array, outputs: Array) -> None:
         self.time_s = time_s

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a page offers to change of a flight: each number, switch and choice of its settings, with a range."""
+"""The settings that a page can change: each number, switch and choice of reference and controller, with a range."""
 
 import re
 from collections.abc import Iterator

@@ -23,8 +23,6 @@ from skydiver_utc.view.scene import RUNS
 from skydiver_utc.view.signals import charts, silent
 from skydiver_utc.view.stills import drawing, moments
 
-_KEYS = "<kbd>space</kbd> play, <kbd>←</kbd> <kbd>→</kbd> step, click: go there, drag: zoom, <kbd>esc</kbd> whole run"
-
 
 class Flown(NamedTuple):
     """A run with its name on the page, its metrics, and the versions it was made with (may be empty)."""
@@ -54,7 +52,6 @@ def report_html(flown: Sequence[Flown]) -> str:
         metrics=_table(flown),
         heading="alone" if alone else "",
         columns="two" if seen else "",
-        hints=_KEYS,
         bodies='<iframe id="bodies" title="the bodies in 3-D"></iframe>' if seen else "",
         notes=_notes(flown),
         configuration="".join(_configuration(one, alone) for one in flown),

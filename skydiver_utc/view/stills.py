@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The moments of a run that tell most of it, and a drawing of a plant's shapes at each."""
+"""Key moments of a run, and a drawing of a plant's shapes at each."""
 
 from typing import NamedTuple
 

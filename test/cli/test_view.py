@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `view` shows is named once."""
+"""`view` takes runs, a scenario or a namespace."""
 
 import pytest
 from click.testing import CliRunner
