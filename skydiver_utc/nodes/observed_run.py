@@ -27,6 +27,7 @@ _POLL_S = 0.05
 class ObservedRun:
     """The newest step k, state (n,), applied (a,) and reference (l,) of a namespace; ended: there was an outcome.
 
+    telemetry: the controller's newest numbers by name, `solve_time` [s] among them; empty until some came.
     It subscribes to the state only once the plant's diagnostics count steps: a plant that waits for its subscribers
     must not take it for one of them. Raises `ParameterError` where no flight has begun within `patience_s`.
     """
@@ -53,10 +54,12 @@ class ObservedRun:
         self.state: Array = np.array(self.plant.initial_state(), dtype=float)
         self.applied: Array = np.array(self.plant.initial_applied(), dtype=float)
         self.reference: Array = np.zeros(len(self.tracked))
+        self.telemetry: dict[str, float] = {}
         self._grid: StepGrid = StepGrid(self.scenario.stamp_ns(0), self.scenario.dt_ns, exact=False)
         self._subscribe(topics.STATE.of_type(topics.STATE_TYPES[self.plant.state_message]), self._on_state)
         self._subscribe(topics.APPLIED_COMMAND, self._on_applied)
         self._subscribe(topics.SETPOINT, self._on_setpoint)
+        self._subscribe(topics.TELEMETRY, self._on_telemetry)
         self._subscribe(topics.OUTCOME, self._on_outcome)
         self._wait(lambda: self.k >= 0, patience_s)
 
@@ -114,6 +117,10 @@ class ObservedRun:
 
     def _on_setpoint(self, message: Any) -> None:
         self.reference = read_named(message, self.tracked)
+
+    def _on_telemetry(self, message: Any) -> None:
+        values = read_named(message, message.name, finite=False)
+        self.telemetry = dict(zip(message.name, values.tolist(), strict=True))
 
     def _on_outcome(self, message: Any) -> None:
         self.ended = True

@@ -55,12 +55,13 @@ class LiveFlight:
             self._steps.disturbance = Composed(parts, self.plant, self.scenario.dt_s)
         self._reference = build_reference(self.scenario)
         self.name, self.tracked = self.scenario.name, self._reference.outputs
-        self.signals = Signals(self.plant, self.tracked)
         self._rows: deque[Array] = deque(maxlen=round(_SHOWN_S * _ROWS_PER_S))
         self._block = 0, np.empty((0, len(self.tracked)))  # first step and values of a part of the reference
         self._model = model_beside(self.plant, self.scenario)
         estimator = build_estimator(self.scenario, self._model)
         controller = self._built(self.scenario, self._reference)
+        deviates = any(name.startswith("std_") for name in controller.telemetry_names)
+        self.signals = Signals(self.plant, self.tracked, deviates)
         self._decider = Decider(controller, estimator, self._model, self._steps.disturbance)
         self.reset()
 

@@ -45,11 +45,11 @@ class Instant(NamedTuple):
 class Signals:
     """Rows (columns,) of time, outputs, reference, controls, their deviations, and solve time, as people read them.
 
-    Controls with limits are in per cent of their range.
+    Controls with limits are in per cent of their range; deviates: the controller has deviations to be charted.
     """
 
-    def __init__(self, plant: Plant, tracked: tuple[str, ...]) -> None:
-        self._plant, self._tracked = plant, tracked
+    def __init__(self, plant: Plant, tracked: tuple[str, ...], deviates: bool) -> None:
+        self._plant, self._tracked, self._deviates = plant, tracked, deviates
         L, l, m = len(plant.output_names), len(tracked), len(plant.control_names)
         self._at = np.cumsum([1, L, l, m, m, 1])
         self.time, self.solve_time = 0, int(self._at[4])
@@ -102,7 +102,8 @@ class Signals:
             if name in of_output
         ]
         unit = " [% of range]" if self._in_range else ""
-        for title, first in (("controls", controls), ("standard deviation of controls", deviations)):
+        of_controls = [("controls", controls), ("standard deviation of controls", deviations)]
+        for title, first in of_controls[: 1 + self._deviates]:
             names = enumerate(plant.control_names)
             curves = tuple(Curve(name.replace("_", " "), first + c) for c, name in names)
             found.append(Chart(title + unit, curves))

@@ -24,7 +24,6 @@ class RecordedFlight:
         if not (len(present) and len(run.commands)):
             raise ParameterError(f"{name} has no step to show: {run.reason or 'no state was recorded'}")
         self.name, self.plant, self.tracked = name, run.plant, run.tracked_names
-        self.signals = Signals(run.plant, run.tracked_names)
         self.begins_s, self.ends_s, self.ended = float(run.time_s[0]), float(run.time_s[-1]), ""
         self._run, self._time_s = run, self.begins_s
         self._disturbance = build_disturbances(run.scenario, run.plant)
@@ -32,6 +31,8 @@ class RecordedFlight:
             run.telemetry_names.index(f"std_{name}") if f"std_{name}" in run.telemetry_names else None
             for name in run.plant.control_names
         ]
+        deviates = any(column is not None for column in self._deviations)
+        self.signals = Signals(run.plant, run.tracked_names, deviates)
         every = max(1, len(run.commands) // _MOST_ROWS)
         self._rows = np.array([self.signals.row(self._at(i)) for i in present[::every]])
 

@@ -20,7 +20,7 @@ class RosFlight:
     def __init__(self, node: ObservedRun) -> None:
         self._node = node
         self.name, self.plant, self.tracked = node.namespace, node.plant, node.tracked
-        self.signals, self.ended = Signals(node.plant, node.tracked), ""
+        self.signals, self.ended = Signals(node.plant, node.tracked, deviates=True), ""
         self._disturbance = build_disturbances(node.scenario, node.plant)
         self._rows: deque[Array] = deque(maxlen=_MOST_ROWS)
 
@@ -35,15 +35,15 @@ class RosFlight:
 
     def now(self) -> Instant:
         """The newest instant."""
-        node = self._node
+        node, telemetry = self._node, self._node.telemetry
         return Instant(
             time_s=node.k * node.scenario.dt_s,
             state=node.state,
             applied=node.applied,
             reference=node.reference,
             wind=self._disturbance.wind(node.k),
-            deviations=np.full(len(self.plant.control_names), np.nan),
-            solve_time_s=np.nan,
+            deviations=np.array([telemetry.get(f"std_{name}", np.nan) for name in self.plant.control_names]),
+            solve_time_s=telemetry.get("solve_time", np.nan),
         )
 
     def history(self) -> Array:

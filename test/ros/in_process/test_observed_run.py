@@ -33,8 +33,14 @@ def context(domain):
 def test_the_newest_state_and_controls_are_shown_once_the_plant_counts_steps(context):
     scenario = load_scenario("slow_turn_pose_only")
     node, done = Node("plant", namespace="anna", context=context), threading.Event()
-    told = (topics.SCENARIO, topics.DIAGNOSTICS, topics.STATE, topics.APPLIED_COMMAND)
-    publishers = {topic.name: node.create_publisher(topic.type, topic.name, topic.qos) for topic in told}
+    published = (
+        topics.SCENARIO,
+        topics.DIAGNOSTICS,
+        topics.STATE,
+        topics.APPLIED_COMMAND,
+        topics.TELEMETRY,
+    )
+    publishers = {topic.name: node.create_publisher(topic.type, topic.name, topic.qos) for topic in published}
     publishers["scenario"].publish(String(data=to_yaml(scenario)))
     subscribed_early = []
 
@@ -56,6 +62,9 @@ def test_the_newest_state_and_controls_are_shown_once_the_plant_counts_steps(con
             applied.name = ["Cm_damp_yaw", "k_right", "k_left", "alpha"]
             fill_named(applied, np.array([1.0, 2.0, 3.0, 0.5]))
             publishers["applied_command"].publish(applied)
+            telemetry = topics.TELEMETRY.type()
+            telemetry.name = ["std_alpha", "solve_time"]
+            publishers["controller/telemetry"].publish(fill_named(telemetry, np.array([0.1, 0.002])))
             if done.wait(0.05):
                 return
 
@@ -64,7 +73,7 @@ def test_the_newest_state_and_controls_are_shown_once_the_plant_counts_steps(con
     try:
         viewed = ObservedRun("anna", 60.0, context)
         flight = RosFlight(viewed)
-        while flight.now().applied[3] != 0.5:
+        while flight.now().applied[3] != 0.5 or np.isnan(flight.now().solve_time_s):
             flight.advance(0.01)
         now = flight.now()
         viewed.close()
@@ -74,6 +83,7 @@ def test_the_newest_state_and_controls_are_shown_once_the_plant_counts_steps(con
         node.destroy_node()
     assert now.time_s == pytest.approx(K * scenario.dt_s)
     assert (now.state[2], now.state[12]) == (9.0, 2.0)
+    assert (now.deviations[3], now.solve_time_s) == (0.1, 0.002)
     assert len(flight.plant.shape_poses(now.state, now.applied)) == len(flight.plant.shapes)
     assert set(subscribed_early) == {0}
 
