@@ -28,6 +28,7 @@ class ObservedRun:
     """The newest step k, state (n,), applied (a,) and reference (l,) of a namespace; ended: there was an outcome.
 
     telemetry: the controller's newest numbers by name, `solve_time` [s] among them; empty until some came.
+
     It subscribes to the state only once the plant's diagnostics count steps: a plant that waits for its subscribers
     must not take it for one of them. Raises `ParameterError` where no flight has begun within `patience_s`.
     """
@@ -99,7 +100,7 @@ class ObservedRun:
             time.sleep(_POLL_S)
 
     def _on_scenario(self, message: Any) -> None:
-        self._scenario = from_yaml(str(message.data))
+        self._scenario, self.ended = from_yaml(str(message.data)), False
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
