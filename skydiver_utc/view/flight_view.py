@@ -68,7 +68,6 @@ class FlightView:
         if flight.plant.shapes:
             self._body = PlantShapes(scene, flight.plant, f"{node}/body")
             self._ghost = PlantShapes(scene, flight.plant, f"{node}/ghost", colour=_GHOST, opacity=0.35)
-        self._ghost_node = scene.get_handle_by_name(f"{node}/ghost")
         self._spread = scene.add_point_cloud(
             f"{node}/spread", np.zeros((0, 3)), colors=_GHOST, point_size=0.02
         )
@@ -115,10 +114,10 @@ class FlightView:
 
         Of a body that falls without the way that it takes at its present velocity.
         """
-        if self._ghost is None or self._ghost_node is None:
+        if self._ghost is None:
             return
         drawn = self.shown["ghost"] and len(states) > 0 and bool(np.isfinite(states[0, -1]).all())
-        self._ghost_node.visible = self._spread.visible = drawn
+        self._ghost.mesh.visible = self._spread.visible = drawn
         if not drawn:
             return
         plant, ends, origin = self.flight.plant, states[:, -1], self._origin

@@ -42,7 +42,7 @@ class Page:
             for i, flight in enumerate(flights)
         ]
         gui = self.server.gui
-        gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+        self._set_dark(False)
         alone = len(flights) == 1
         self._lines: list[Any] = [
             gui.add_text("time" if alone else view.flight.name, "", disabled=True) for view in self.views

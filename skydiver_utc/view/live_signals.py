@@ -52,7 +52,6 @@ class Signals:
         self._plant, self._tracked, self._deviates = plant, tracked, deviates
         L, l, m = len(plant.output_names), len(tracked), len(plant.control_names)
         self._at = np.cumsum([1, L, l, m, m, 1])
-        self.time, self.solve_time = 0, int(self._at[4])
         self._outputs = np.array([shown(plant, name).factor for name in plant.output_names])
         self._reference = np.array([shown(plant, name).factor for name in tracked])
         span = plant.maximum - plant.minimum

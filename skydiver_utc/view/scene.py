@@ -48,7 +48,7 @@ class PlantShapes:
     """Ellipsoids in a scene, one for each shape of a plant, drawn with one mesh; `show` moves them.
 
     name: of the node in the scene, beginning with a slash; colour: of all, else left, right and middle apart;
-    opacity: below 1 what lies behind is seen through
+    opacity: below 1 things behind are seen; mesh: viser's handle
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class PlantShapes:
     ) -> None:
         vertices, faces = _sphere()
         count = len(plant.shapes)
-        self._mesh = scene.add_batched_meshes_simple(
+        self.mesh = scene.add_batched_meshes_simple(
             name,
             vertices,
             faces,
@@ -70,8 +70,8 @@ class PlantShapes:
 
     def show(self, poses: Floats, origin: Floats | tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
         """Draw the shapes at poses (S, 7) of the world, as `Plant.shape_poses` gives them, seen from an origin (3,)."""
-        self._mesh.batched_positions = (poses[:, :3] - origin).astype(np.float32)
-        self._mesh.batched_wxyzs = poses[:, [6, 3, 4, 5]].astype(np.float32)
+        self.mesh.batched_positions = (poses[:, :3] - origin).astype(np.float32)
+        self.mesh.batched_wxyzs = poses[:, [6, 3, 4, 5]].astype(np.float32)
 
 
 def colour_of(name: str) -> Colour:
