@@ -5,7 +5,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from functools import lru_cache
 from itertools import islice
 from typing import Any, NamedTuple
@@ -23,7 +23,6 @@ from skydiver_utc.studies.workers import executor
 
 _IN_FLIGHT = 64  # more than a cluster's workers would idle between two results
 _CLOCKS = ("solve_time_us", "wall_time_s")
-_ENDS = (0.0, 0.5, 1.0)
 
 
 class StudyStoppedError(Exception):
@@ -51,7 +50,7 @@ def kept_of(study: Study, flown: Flown) -> dict[str, Any]:
 
 
 class Plan:
-    """A study with the scenarios of its cases, checked: every value that can be drawn is one that they take."""
+    """A study with the scenarios of its cases."""
 
     def __init__(self, study: Study) -> None:
         self.study, self.scenarios, self.design = study, study.load(), Design(study)
@@ -60,15 +59,18 @@ class Plan:
         self._texts = {name: to_yaml(scenario) for name, scenario in self.scenarios.items()}
 
     def check(self) -> None:
-        """Raise `ParameterError` for a setting, a value or a metric that a case does not have; flies one step each."""
+        """Raise `ParameterError` for a setting, a value or a metric that a case does not have; flies one step each.
+
+        Of a distribution both ends and the middle are tried, of a choice or a grid every value.
+        """
+        most = max(3, *(len(one.values) for one in self.study.vary.values()))
         for name, scenario in self.scenarios.items():
             try:
-                for share in _ENDS:
-                    found = override(scenario, self._settings_at(share, name))
-                    if share == _ENDS[1]:
-                        flown = fly(
-                            to_yaml(scenario), self._settings_at(share, name) | {"duration_s": found.dt_s}
-                        )
+                for i in range(most):
+                    settings = self._settings_at(i / (most - 1), name)
+                    found = override(scenario, settings)
+                    if i == most // 2:
+                        flown = fly(to_yaml(scenario), settings | {"duration_s": found.dt_s})
             except (ParameterError, ValueError) as error:
                 raise ParameterError(f"{error} (case {name!r} of study {self.study.name})") from error
             if unknown := set(self.study.metrics) - set(flown.metrics):
@@ -132,12 +134,15 @@ def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, A
 
 
 class Tally:
-    """Counts of the runs 0, 1, ... without a gap, so that the same runs decide whatever the order they end in."""
+    """Counts of the runs 0, 1, ... without a gap, so that the same runs decide whatever the order they end in.
 
-    def __init__(self, numbers: Sequence[int], rows: Iterable[Row]) -> None:
-        self._numbers, self._next = numbers, 0
+    until: the 95 % interval of every case's share of successes is this narrow; `enough` says so, after the run `last`
+    """
+
+    def __init__(self, numbers: Sequence[int], rows: Iterable[Row], until: float | None) -> None:
+        self._numbers, self._next, self._until = numbers, 0, until
         self._ended: dict[int, Row] = {}
-        self.done, self.outcomes = 0, Counter[str]()
+        self.done, self.enough, self.outcomes = 0, False, Counter[str]()
         self._flown, self._successes = Counter[str](), Counter[str]()
         for row in rows:
             self.add(row)
@@ -147,16 +152,14 @@ class Tally:
         self.done += 1
         self.outcomes["success" if row.success else row.outcome] += 1
         self._ended[row.number] = row
-
-    def narrow(self, width: float) -> bool:
-        """Whether the 95 % interval of each case's share of successes became this narrow, run by run."""
-        while self._next < len(self._numbers) and (row := self._ended.get(self._numbers[self._next])):
+        while not self.enough and self._next < len(self._numbers):
+            following = self._ended.pop(self._numbers[self._next], None)
+            if following is None:
+                return
             self._next += 1
-            self._flown[row.case] += 1
-            self._successes[row.case] += row.success
-            if self.widest() <= width:
-                return True
-        return False
+            self._flown[following.case] += 1
+            self._successes[following.case] += following.success
+            self.enough = self._until is not None and self.widest() <= self._until
 
     def widest(self) -> float:
         """Widest interval of a case's share among the runs without a gap."""
@@ -179,31 +182,44 @@ def fly_study(
 ) -> list[Row]:
     """Fly the missing runs; the rows of the study, by number, without those after `until` was reached.
 
-    until: the 95 % interval of every case's share of successes is this narrow
     Raises `StudyStoppedError` when a worker or the scheduler ends; the ledger has every run that ended before.
     """
     numbers = list(plan.design.numbers())
     kept, wanted = ledger.rows(), set(numbers)
-    tally = Tally(numbers, [row for row in kept if row.number in wanted])
+    tally = Tally(numbers, [row for row in kept if row.number in wanted], until)
     done = {row.number for row in kept}
     missing = iter(sorted(wanted - done))
-    enough = until is not None and tally.narrow(until)
     progress(tally)
-    if not enough and wanted - done:
+    if not tally.enough and wanted - done:
         with executor(workers, scheduler) as pool:
             flying: dict[Future[Flown], int] = {}
-            while not enough:
+            while not tally.enough:
                 room = (_IN_FLIGHT if scheduler else 2 * workers) - len(flying)
-                flying |= {pool.submit(fly, *plan.job(n)): n for n in islice(missing, room)}
+                flying |= {_submitted(pool, *plan.job(n)): n for n in islice(missing, room)}
                 if not flying:
                     break
-                for future in wait(flying, return_when=FIRST_COMPLETED).done:
+                # Runs that ended come before those that were lost with a worker, which stop the study.
+                for future in sorted(wait(flying, return_when=FIRST_COMPLETED).done, key=_is_lost):
                     row = _ended(plan, flying.pop(future), future)
                     ledger.add(row)
                     tally.add(row)
                 progress(tally)
-                enough = until is not None and tally.narrow(until)
-    return [row for row in ledger.rows() if row.number in wanted and (not enough or row.number <= tally.last)]
+    last = tally.last if tally.enough else numbers[-1]
+    return [row for row in ledger.rows() if row.number in wanted and row.number <= last]
+
+
+def _submitted(pool: Executor, scenario: str, settings: Mapping[str, Any]) -> "Future[Flown]":
+    """The call of `fly`; one to a pool that lost a worker is lost, too."""
+    try:
+        return pool.submit(fly, scenario, settings)
+    except BrokenExecutor as error:
+        lost: Future[Flown] = Future()
+        lost.set_exception(error)
+        return lost
+
+
+def _is_lost(future: "Future[Flown]") -> bool:
+    return future.cancelled() or isinstance(future.exception(), BrokenExecutor)
 
 
 def _ended(plan: Plan, number: int, future: "Future[Flown]") -> Row:
