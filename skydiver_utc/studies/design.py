@@ -26,7 +26,7 @@ class Design:
         self.study = study
         self.names, self.variations = list(study.vary), list(study.vary.values())
         # (samples, variations), where SALib draws them.
-        self.table = _by_salib(study) if study.by_salib else None
+        self.table: Any = _by_salib(study) if study.by_salib else None
 
     @property
     def samples_per_run(self) -> int:

@@ -102,6 +102,8 @@ class Study(Parameters):
             raise ValueError(f"success needs {', '.join(sorted(missing))}: add it to metrics")
         if self.by_salib and any(case.runs for case in self.cases.values()):
             raise ValueError(f"{self.sampler} needs the same runs in every case: take runs out of the cases")
+        if self.by_salib and (grids := [name for name, one in self.vary.items() if one.grid]):
+            raise ValueError(f"{self.sampler} draws all values: write choice instead of grid for {grids[0]}")
         return self
 
     @property

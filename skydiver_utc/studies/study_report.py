@@ -156,21 +156,20 @@ def sensitivity_table(plan: Plan, rows: Sequence[Row]) -> str:
     shown = ("S1", "ST") if study.sampler == "sobol" else ("mu_star", "sigma")
     lines = []
     for case in plan.scenarios:
-        values = np.array(
-            [row.metrics.get(metric) or np.nan for row in rows if row.case == case], dtype=float
-        )
-        if not np.isfinite(values).all():
+        found = [row.metrics.get(metric) for row in rows if row.case == case]
+        values = np.array([value if _is_number(value) else np.nan for value in found])
+        if len(values) < len(plan.design.table) or not np.isfinite(values).all():
             lines += [(case, name, *["-"] * len(shown)) for name in study.vary]
             continue
         if study.sampler == "sobol":
-            found = salib("analyze.sobol").analyze(
+            indices = salib("analyze.sobol").analyze(
                 problem(study), values, calc_second_order=False, seed=study.seed
             )
         else:
             points = plan.design.table
-            found = salib("analyze.morris").analyze(problem(study), points, values, seed=study.seed)
+            indices = salib("analyze.morris").analyze(problem(study), points, values, seed=study.seed)
         for k, name in enumerate(study.vary):
-            cells = [f"{found[index][k]:.2f}" for index in shown]
+            cells = [f"{indices[index][k]:.2f}" for index in shown]
             lines.append((case, name, *cells))
     return table(("case", "", *shown), lines)
 

@@ -143,6 +143,11 @@ class TestDistributions:
         ({"metrics": ["outputs.place.rmse", "beauty"]}, "beauty"),
         ({"success": {"beauty": {"at_most": 1.0}}}, "beauty"),
         ({"sampler": "sobol", "cases": {"light": {"scenario": "x", "runs": 2}}}, "sobol"),
+        ({"sampler": "sobol", "vary": {"start": {"settings": ["plant.initial.0"], "grid": [0, 1]}}}, "grid"),
+        (
+            {"vary": {"start": {"settings": ["plant.initial.0"], "grid": [0, "far", 1, 2, 3]}}},
+            "plant.initial.0",
+        ),
     ],
 )
 def test_a_bad_study_is_refused_before_anything_starts(
