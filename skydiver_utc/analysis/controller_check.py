@@ -82,7 +82,8 @@ def check(recording: RecordedRun, instead: Callable[[Scenario], Scenario] = lamb
     stretches = _stretches(recording, run, instead)
     ahead = max(stretch.decider.controller.preview_steps for stretch in stretches)
     reference, added = _reference(recording, run, ahead)
-    commands = decide_at(stretches, recording.measured(run), len(run.plant.control_names), reference)
+    controls = len(run.plant.control_names)
+    commands = decide_at(stretches, run.first_step, recording.measured(run), controls, reference)
     return Check(run, commands, added, recording.in_real_time, recording.reference_revised, hole_at_step)
 
 

@@ -84,18 +84,21 @@ class Stretch(NamedTuple):
     control: Array | None
 
 
-def decide_at(stretches: Sequence[Stretch], measured: Any, controls: int, reference: Array) -> Array:
+def decide_at(
+    stretches: Sequence[Stretch], first_step: int, measured: Any, controls: int, reference: Array
+) -> Array:
     """Commands (K, controls) at states (K+1, n), or K+1 lists of readings, without a plant.
 
-    reference (K + longest preview, l); the first stretch begins at row 0.
+    first_step: of row 0, where the first stretch begins; reference (K + longest preview, l)
     """
     commands = np.empty((len(measured) - 1, controls))
     ends = [stretch.first for stretch in stretches[1:]] + [len(commands)]
     for (first, decider, control), end in zip(stretches, ends, strict=True):
         decider.begin(control)
         width = decider.controller.preview_steps + 1
-        for k in range(first, end):
+        for i in range(first, end):
             # Copies, as a node has them: no controller can change what it is given next.
-            commands[k] = decider.decide(k, measured[k].copy(), reference[k : k + width].copy()).control
+            preview = reference[i : i + width].copy()
+            commands[i] = decider.decide(first_step + i, measured[i].copy(), preview).control
             decider.predict()
     return commands
