@@ -26,10 +26,10 @@ class Composed(Disturbance):
         self._winds = [part.wind for part in parts if _writes(part, "wind")]
         self._states = [part.state for part in parts if _writes(part, "state")]
         self._measurements = [part.measurement for part in parts if _writes(part, "measurement")]
+        self.changes_measurements = bool(self._measurements)
         self._step, self._wind = -1, STILL_AIR
-        self._measured: tuple[int, Array, Array] | None = (
-            None  # newest step, its state over ground, what is measured
-        )
+        # Newest step, its state over ground, what is measured.
+        self._measured: tuple[int, Array, Array] | None = None
         self.names: tuple[str, ...] = ("wind_x", "wind_y", "wind_z") if self._winds else ()
         if self._measurements:
             self.names += tuple(f"error_{name}" for name in plant.state_names)
@@ -57,13 +57,15 @@ class Composed(Disturbance):
         """The measured state (n,) at step k."""
         if self._measured is not None and self._measured[0] == k:
             return self._measured[2]
-        if self._winds:
-            state = in_moving_air(state, STILL_AIR, self.wind(k))
-        over_ground = state
+        over_ground = state = self.over_ground(k, state)
         for measured in self._measurements:
             state = measured(k, state)
         self._measured = (k, over_ground, state)
         return state
+
+    def over_ground(self, k: int, state: Array) -> Array:
+        """The plant's state (n,) at step k with its velocity over ground."""
+        return in_moving_air(state, STILL_AIR, self.wind(k)) if self._winds else state
 
     def acted(self, k: int, state: Array) -> Array:
         """By `names`: the wind [m/s] and the error of what is measured at a state (n,) of step k."""

@@ -37,14 +37,19 @@ class Sensors:
 
     def arrivals(self, k: int) -> list[tuple[int, int]]:
         """Sensor and step of the measurements that arrive at step k; called instead of `read`, for each step once."""
-        return [(reading.sensor, reading.step) for reading in self.read(k, None, None)]
+        return [(reading.sensor, reading.step) for sensor in self._sensors for reading in sensor.read(k)]
 
-    def read(self, k: int, state: Array | None, control: Array | None) -> list[Reading]:
+    def read(self, k: int, state: Array, over_ground: Array, control: Array) -> list[Reading]:
         """The measurements that arrive at step k; called for each step once, from 0 on.
 
-        state (n,): that of the step; control (c,): of the step that led there, as the model takes it
+        state, over_ground (n,): that of the step, its velocity relative to the air and over ground
+        control (c,): of the step that led there, as the model takes it
         """
-        return [reading for sensor in self._sensors for reading in sensor.read(k, state, control)]
+        return [
+            reading
+            for sensor in self._sensors
+            for reading in sensor.read(k, state if sensor.in_air else over_ground, control)
+        ]
 
 
 class _Sensor:
@@ -53,6 +58,7 @@ class _Sensor:
     ) -> None:
         self._index, self._sensor, self._dt_s = index, sensor, dt_s
         self._measure = _measurement(sensor, plant, control)
+        self.in_air = sensor.own is not None and sensor.own.in_air
         self._seed = [seed, *sensor.name.encode()]
         # Rounded first: a delay of whole steps takes so many.
         self._delay_steps = math.ceil(round(sensor.settings.delay_s / dt_s, 6))
@@ -64,7 +70,7 @@ class _Sensor:
         self._bias = self._sensor.bias.copy()
         self._taken, self._under_way = 0, deque[Reading]()
 
-    def read(self, k: int, state: Array | None, control: Array | None) -> list[Reading]:
+    def read(self, k: int, state: Array | None = None, control: Array | None = None) -> list[Reading]:
         settings = self._sensor.settings
         if k >= self._taken / (settings.rate_Hz * self._dt_s) - 1e-6:
             noise, walk = self._rng.standard_normal((2, self._sensor.size))

@@ -67,7 +67,8 @@ class PlantSteps:
     def _read_sensors(self, before: Array) -> None:
         if self.sensors is not None:
             control = self.plant.step_control(before, self.applied)
-            self.readings = self.sensors.read(self.k, self.state, control)
+            over_ground = self.disturbance.over_ground(self.k, self.state)
+            self.readings = self.sensors.read(self.k, self.state, over_ground, control)
 
     @property
     def measured(self) -> Array | list[Reading]:

@@ -91,12 +91,20 @@ def build_sensors(scenario: Scenario, plant: Plant) -> Sensors | None:
 
 
 def build_disturbances(scenario: Scenario, plant: Plant) -> Composed:
-    """The disturbances in the order of the scenario, each with a seed of its own, as one; `plant` is the true one."""
+    """The disturbances in the order of the scenario, each with a seed of its own, as one; `plant` is the true one.
+
+    Beside sensors, errors of the measured state are refused: nothing would read it.
+    """
     parts = [
         _build("disturbance", settings, plant, scenario.dt_s, (scenario.seed, i))
         for i, settings in enumerate(scenario.disturbances)
     ]
-    return Composed(parts, plant, scenario.dt_s)
+    disturbance = Composed(parts, plant, scenario.dt_s)
+    if disturbance.changes_measurements and getattr(scenario.estimator, "sensors", None) is not None:
+        raise ParameterError(
+            "disturbances: the estimator reads sensors and no measured state: give the sensors noise, bias, delay and loss"
+        )
+    return disturbance
 
 
 def _build(slot: str, settings: Any, *rest: object) -> Any:

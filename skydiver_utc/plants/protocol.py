@@ -74,6 +74,7 @@ class SensorModel(NamedTuple):
         that of the step that led to the state, as `Plant.step_control` gives it
     names: of the l numbers; unit: of all of them
     fields: where the numbers stand in a ROS message of type `message`, dotted; without, in a JointState by name
+    in_air: the state's velocity is that relative to the air; without, that over ground
     """
 
     function: Callable[[Array, Array, Any, Array], None]
@@ -82,6 +83,7 @@ class SensorModel(NamedTuple):
     unit: str
     message: str = "JointState"
     fields: tuple[str, ...] = ()
+    in_air: bool = False
 
 
 class Reduced(NamedTuple):

@@ -9,8 +9,9 @@ from skydivers import random_control, random_state
 
 from skydiver_utc.estimators.sensors import Sensors
 from skydiver_utc.estimators.settings import SensorSettings
+from skydiver_utc.loop.plant_steps import PlantSteps
 from skydiver_utc.loop.registry import build_plant
-from skydiver_utc.parameters import load_scenario
+from skydiver_utc.parameters import ParameterError, load_scenario, override
 
 STILL = np.array([0.5, -1.0])
 
@@ -21,7 +22,7 @@ def arrived(steps=1000, seed=7, plant=None, **sensors):
         name: SensorSettings.model_validate({"rate_Hz": 50.0} | given) for name, given in sensors.items()
     }
     tested = Sensors(settings, plant or pendulum(), DT_S, seed)
-    return [(k, found) for k in range(steps) for found in tested.read(k, STILL, np.zeros(1))]
+    return [(k, found) for k in range(steps) for found in tested.read(k, STILL, STILL, np.zeros(1))]
 
 
 def values(found):
@@ -78,7 +79,7 @@ def test_an_accelerometer_measures_the_acceleration_without_gravity(skydiver):
         short.step(state, control, following)
         before, after = (Rotation.from_quat(s[3:7]).apply(s[7:10]) for s in (state, following))
         specific = (after - before) / dt_s + [0.0, 0.0, 9.80665]
-        (reading,) = Sensors(sensors, plant, scenario.dt_s, 0).read(0, state, control)
+        (reading,) = Sensors(sensors, plant, scenario.dt_s, 0).read(0, state, state, control)
         expected = Rotation.from_quat(state[3:7]).inv().apply(specific)
         np.testing.assert_allclose(reading.values, expected, rtol=1e-3, atol=0.05)
 
@@ -92,10 +93,31 @@ def test_the_others_measure_rates_field_pressure_and_velocity(skydiver):
     attitude = Rotation.from_quat(state[3:7])
     control = plant.initial_control()
     rates, field, pressure, velocity = (
-        r.values for r in Sensors(sensors, plant, scenario.dt_s, 0).read(0, state, control)
+        r.values for r in Sensors(sensors, plant, scenario.dt_s, 0).read(0, state, state, control)
     )
     np.testing.assert_allclose(rates, state[10:], atol=1e-9)
     np.testing.assert_allclose(attitude.apply(field), 5e-5 * np.array([0.0, 0.5, -np.sqrt(0.75)]), atol=1e-10)
     # The standard atmosphere's table at 3000 m.
     assert pressure[0] == pytest.approx(70109.0, rel=1e-3)
     np.testing.assert_allclose(velocity, attitude.apply(state[7:10]), atol=1e-9)
+
+
+def test_in_a_wind_the_velocity_is_that_over_ground_and_the_acceleration_that_of_the_air():
+    wind = {"kind": "steady_wind", "speed_m_s": 8.0, "to_deg": 90.0}
+    sensors = {name: {"rate_Hz": 10.0, "noise": 1e-12} for name in ("gnss_velocity", "accelerometer")}
+    found = []
+    for winds in ([], [wind]):
+        scenario = load_scenario("fast_turn_gyro_accelerometer", {"disturbances": winds})
+        steps = PlantSteps(override(scenario, {"estimator.sensors": sensors}))
+        steps.begin()
+        found.append([reading.values for reading in steps.readings])
+    (velocity, force), (moved, same) = found
+    np.testing.assert_allclose(moved - velocity, [0.0, 8.0, 0.0], atol=1e-9)
+    np.testing.assert_array_equal(same, force)
+
+
+def test_errors_of_a_measured_state_are_refused_beside_sensors():
+    noise = {"kind": "measurement_error", "noise": {"rates_deg_s": 1.0}}
+    scenario = load_scenario("fast_turn_gyro_accelerometer", {"disturbances": [noise]})
+    with pytest.raises(ParameterError, match="sensors"):
+        PlantSteps(scenario)

@@ -60,7 +60,7 @@ def barometer(state: Array, control: Array, numbers: Array, out: Array) -> None:
 
 @inlined
 def gnss_velocity(state: Array, control: Array, numbers: Any, out: Array) -> None:
-    """Velocity (3,) in the world [m/s]."""
+    """Velocity (3,) over ground in the world [m/s]."""
     turn_into_world(state[3:7], state[7:10], out)
 
 
@@ -69,7 +69,7 @@ def sensors(model: PlantModel) -> Mapping[str, SensorModel]:
     return {
         "gyroscope": SensorModel(gyroscope, (0.0,), _AXES, "rad/s", "Imu", _vector("angular_velocity")),
         "accelerometer": SensorModel(
-            accelerometer, model, _AXES, "m/s2", "Imu", _vector("linear_acceleration")
+            accelerometer, model, _AXES, "m/s2", "Imu", _vector("linear_acceleration"), in_air=True
         ),
         "magnetometer": SensorModel(
             magnetometer, _FIELD, _AXES, "T", "MagneticField", _vector("magnetic_field")
