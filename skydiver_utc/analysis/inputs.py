@@ -57,19 +57,19 @@ class Inputs:
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """Where the outputs tell an input (T, m)."""
+        """Where an input moves the outputs enough for an estimate (T, m)."""
         found: NDArray[np.bool_] = self.alone < SEEN * self.span
         return found
 
 
-def estimate_inputs(run: Run, t_pred_s: float = T_PRED_S) -> Inputs:
+def estimate_inputs(run: Run) -> Inputs:
     """The inputs of a run from its estimated states, if it has any, else from the true ones. Raises `AnalysisError`."""
     plant, dt_s = run.plant, run.scenario.dt_s
-    steps, period = max(1, round(t_pred_s / dt_s)), max(1, round(PERIOD_S / dt_s))
+    steps, period = max(1, round(T_PRED_S / dt_s)), max(1, round(PERIOD_S / dt_s))
     count = len(run.commands) - steps
     if count < 1 or run.holes:
         raise AnalysisError(
-            f"the run must have {steps} steps without a hole, {t_pred_s:g} s: give a longer recording"
+            f"the run must have {steps} steps without a hole, {T_PRED_S:g} s: give a longer recording"
         )
     if not np.isfinite(plant.maximum - plant.minimum).all():
         raise AnalysisError("an input without limits has no scale: give the plant limits of every control")

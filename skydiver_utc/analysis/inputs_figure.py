@@ -11,7 +11,7 @@ from skydiver_utc.analysis.units import shown
 
 
 def inputs_figure(found: Inputs) -> Figure:
-    """Each input over time: applied, estimated with two deviations, and pale where no output tells it."""
+    """Each input over time: applied, estimated with two deviations, and pale where it is not seen."""
     run, names, values = found.run, found.run.plant.control_names, report(found)
     height = 1.3 + 1.55 * len(names)
     with house_style():

@@ -157,7 +157,7 @@ class RecordedRun:
         return np.where(rows.present[:, np.newaxis], rows.values, self.previews(len(rows.values)))
 
     def measured(self, run: Run) -> Any:
-        """What the estimator was given from the run's first step on: its states, or the readings of each step."""
+        """The estimator's measurements from the run's first step on: the states, or the readings of each step."""
         sensors = build_sensors(self.scenario, self.plant)
         if sensors is None:
             return run.states

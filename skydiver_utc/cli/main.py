@@ -292,7 +292,7 @@ def inputs(**options: Any) -> None:
 
     The filter that UTC came from: sigma points of the controls drive the model over 0.25 s to the measured outputs.
     Writes inputs.json and inputs.png into RUN. The states are the recorded estimates of a run on sensors, else the
-    true ones. Controls that no output tells are reported as not seen.
+    true ones. Controls that hardly move the outputs are reported as not seen.
     """
     _run("inputs", "inputs", **options)
 
@@ -568,7 +568,7 @@ def study() -> None:
     "--out", type=_PATH, metavar="FOLDER", help="The study's folder, instead of studies/ and its name."
 )
 @click.option(
-    "--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Local processes that fly."
+    "--workers", default=2, show_default=True, type=_Count(1, 256), help="Local processes that fly."
 )
 @click.option("--scheduler", metavar="ADDRESS", default="", help="Fly on this Dask cluster instead.")
 @click.option(
@@ -588,7 +588,7 @@ def study_run(**options: Any) -> None:
 
 @study.command("show", epilog=_EXIT_CODES, short_help="Fly one run of a study again.")
 @click.argument("study", metavar="STUDY")
-@click.argument("number", metavar="RUN", type=click.IntRange(0))
+@click.argument("number", metavar="RUN", type=_Count(0))
 @click.option(
     "--out", type=_PATH, metavar="FOLDER", help="The study's folder, instead of studies/ and its name."
 )

@@ -27,7 +27,7 @@ _ATTITUDE = slice(3, 7)
 
 
 class MeasurementError(Disturbance):
-    """What is measured is the state with noise, a bias and a random walk added, each by state or by group of states."""
+    """Noise, a bias and a random walk added to the measured state, each by state or by group of states."""
 
     class Settings(SlotSettings):
         """Names of states in their units, or of an Odometry's groups of three; what is left out has no error."""
@@ -69,11 +69,11 @@ class MeasurementError(Disturbance):
 
 
 def _by_state(given: Mapping[str, float], plant: Plant) -> Array:
-    """A number for each state (n,); those of an attitude are turns about x, y and z [rad] in its first three places."""
+    """A number for each state (n,), its own rather than its group's; an attitude's first three are turns [rad]."""
     values = np.zeros(len(plant.state_names))
     odometry = plant.state_message == "odometry"
     names = [name for i, name in enumerate(plant.state_names) if not (odometry and 3 <= i < 7)]
-    for name, value in given.items():
+    for name, value in sorted(given.items(), key=lambda item: item[0] not in _GROUPS):
         if odometry and name in _GROUPS:
             first, factor = _GROUPS[name]
             values[first : first + 3] = factor * value

@@ -17,8 +17,8 @@ class Consistency(NamedTuple):
         filter that is right: the chi-square distribution with measurements * size degrees of freedom, over measurements
     correlation (size,): of each innovation with that of the next measurement; bound: below which all of these stay
         in 95 % of such runs
-    verdict: consistent; overconfident: errors are larger than the filter expects; cautious: smaller; not white: an
-        innovation tells the next one, as with a bias or a wrong model; too few
+    verdict: consistent; overconfident: errors are larger than the filter expects; cautious: smaller; not white:
+        consecutive innovations are correlated, as with a bias or a wrong model; too few
     """
 
     measurements: int

@@ -23,7 +23,7 @@ Indices = NDArray[np.int64]
 
 
 class Estimate(NamedTuple):
-    """What prediction and correction share.
+    """The estimate and working arrays, for prediction and correction.
 
     mean (N,): states (n,) of the plant, then biases of sensors; P (e, e): covariance of its error
     attitude, angles: as in `skydiver_utc.estimators.manifold`

@@ -40,7 +40,7 @@ class SensorOfPlant(NamedTuple):
 
     @property
     def size(self) -> int:
-        """How many numbers a measurement has."""
+        """Count of the numbers of a measurement."""
         return len(self.names)
 
 

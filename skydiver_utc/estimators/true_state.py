@@ -23,12 +23,6 @@ class TrueState(Estimator):
     def __init__(self, settings: Settings, plant: object, dt_s: float) -> None:
         pass
 
-    def reset(self) -> None:
-        """Nothing is kept."""
-
-    def predict(self, applied: Array) -> None:
-        """Nothing is predicted."""
-
     def update(self, measurement: Array) -> Array:
         """The state (n,) itself."""
         return measurement

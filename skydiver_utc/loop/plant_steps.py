@@ -72,7 +72,7 @@ class PlantSteps:
 
     @property
     def measured(self) -> Array | list[Reading]:
-        """What the estimator is given at step k: the state (n,), or the readings that arrived."""
+        """The estimator's measurement at step k: the state (n,), or the readings that arrived."""
         return self.state if self.readings is None else self.readings
 
     @property

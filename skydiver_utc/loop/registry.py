@@ -102,7 +102,8 @@ def build_disturbances(scenario: Scenario, plant: Plant) -> Composed:
     disturbance = Composed(parts, plant, scenario.dt_s)
     if disturbance.changes_measurements and getattr(scenario.estimator, "sensors", None) is not None:
         raise ParameterError(
-            "disturbances: the estimator reads sensors and no measured state: give the sensors noise, bias, delay and loss"
+            "disturbances: the estimator reads sensors and no measured state: give each sensor its noise, bias, delay"
+            " and loss"
         )
     return disturbance
 

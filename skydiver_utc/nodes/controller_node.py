@@ -312,7 +312,7 @@ class ControllerNode(ScenarioNode):
             self._applieds = None
 
     def _measured(self, k: int, state: Vector) -> Vector | list[Reading] | None:
-        """What the estimator is given at step k; None while measurements that the plant has sent are on their way.
+        """The estimator's measurement at step k; None while readings that the plant has sent are on their way.
 
         In lockstep these are known from the scenario, in real time those count that are there.
         """

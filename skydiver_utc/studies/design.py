@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which values each run of a study has: a function of the study's seed and the run's number alone."""
+"""The values of each run of a study: a function of the study's seed and the run's number alone."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -30,7 +30,7 @@ class Design:
 
     @property
     def samples_per_run(self) -> int:
-        """How many samples one of the study's `runs` is."""
+        """Count of the samples in one of the study's `runs`."""
         return len(self.names) if self.study.sampler == "one_by_one" else 1
 
     def numbers(self) -> Iterator[int]:
