@@ -144,6 +144,7 @@ class Tally:
         self._ended: dict[int, Row] = {}
         self.done, self.enough, self.outcomes = 0, False, Counter[str]()
         self._flown, self._successes = Counter[str](), Counter[str]()
+        self._widths: dict[str, float] = {}
         for row in rows:
             self.add(row)
 
@@ -159,12 +160,13 @@ class Tally:
             self._next += 1
             self._flown[following.case] += 1
             self._successes[following.case] += following.success
+            low, high = share_interval(self._successes[following.case], self._flown[following.case])
+            self._widths[following.case] = high - low
             self.enough = self._until is not None and self.widest() <= self._until
 
     def widest(self) -> float:
         """Widest interval of a case's share among the runs without a gap."""
-        spans = [share_interval(self._successes[case], flown) for case, flown in self._flown.items()]
-        return max((high - low for low, high in spans), default=1.0)
+        return max(self._widths.values(), default=1.0)
 
     @property
     def last(self) -> int:
