@@ -78,6 +78,8 @@ class Plan:
                     f"study {self.study.name}: a run of {name!r} has no metric {', '.join(sorted(unknown))}:"
                     f" choose from {', '.join(flown.metrics)}"
                 )
+            if texts := [bar for bar in self.study.success if isinstance(flown.metrics[bar], str)]:
+                raise ParameterError(f"study {self.study.name}: success has {texts[0]}, which is no number")
 
     def settings(self, number: int) -> dict[str, Any]:
         """Overrides of a run on the scenario of its case."""

@@ -142,6 +142,7 @@ class TestDistributions:
         ({"cases": {"light": {"scenario": "no_such"}}}, "no_such"),
         ({"metrics": ["outputs.place.rmse", "beauty"]}, "beauty"),
         ({"success": {"beauty": {"at_most": 1.0}}}, "beauty"),
+        ({"success": {"reason": {"at_most": 1.0}}, "metrics": ["reason"]}, "reason"),
         ({"sampler": "sobol", "cases": {"light": {"scenario": "x", "runs": 2}}}, "sobol"),
         ({"sampler": "sobol", "vary": {"start": {"settings": ["plant.initial.0"], "grid": [0, 1]}}}, "grid"),
         (
