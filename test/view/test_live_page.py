@@ -70,11 +70,11 @@ def test_a_live_flight_is_drawn_and_obeys(open_page):
     with served(LivePage(flight, port=8190)) as page:
         shown = opened(open_page, page)
         browser = shown.page
-        # A new amplitude, typed beside its slider, turns the body otherwise.
-        field = browser.locator("input[value='400']").last
-        field.fill("50")
-        browser.keyboard.press("Enter")
-        wait(shown, lambda: flight.scenario.reference.amplitude_deg_s == 50.0)
+        # The slider of the amplitude, moved by its arrow key, turns the body otherwise.
+        browser.locator("[role=slider][aria-valuenow='400']").first.focus()
+        for _ in range(18):
+            browser.keyboard.press("ArrowLeft")
+        wait(shown, lambda: flight.scenario.reference.amplitude_deg_s == 40.0)
         wait(shown, lambda: abs(flight.now().state[12]) < np.deg2rad(60.0))
 
         browser.get_by_role("button", name="Gust", exact=True).click()
