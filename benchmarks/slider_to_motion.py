@@ -14,7 +14,7 @@ import time
 
 import numpy as np
 
-from skydiver_utc.parameters import load_scenario
+from skydiver_utc.parameters import Scenario, load_scenario
 from skydiver_utc.view.live_controls import LivePage
 from skydiver_utc.view.live_flight import LiveFlight
 
@@ -29,6 +29,8 @@ WARM_S, PAUSE_S = 3.0, 0.13
 class MeasuredPage(LivePage):
     """A page that remembers when its frames were sent, and with which scenario they were flown."""
 
+    sent: tuple[float, Scenario] | None = None
+
     def frame(self, seconds: float) -> None:
         """A frame, with its end."""
         super().frame(seconds)
@@ -42,6 +44,8 @@ def measure(count: int) -> dict[str, list[float]]:
     page, done = MeasuredPage(flight), threading.Event()
     thread = threading.Thread(target=page.run, args=(done.is_set,))
     thread.start()
+    while page.sent is None:  # as long as it compiles
+        time.sleep(0.1)
     time.sleep(WARM_S)
     delays: dict[str, list[float]] = {name: [] for name in MOVES}
     rng = np.random.default_rng(1)
