@@ -11,6 +11,7 @@ from skydiver_utc.disturbances.protocol import Disturbance
 from skydiver_utc.disturbances.rows import BLOCK, Rows
 from skydiver_utc.parameters.fields import SlotSettings, quantity
 from skydiver_utc.plants.protocol import Plant
+from skydiver_utc.rotations import turned
 
 Array = NDArray[np.float64]
 Deviation = Annotated[float, quantity("1", "standard deviation, in the unit of the state or group", ge=0)]
@@ -23,7 +24,7 @@ _GROUPS = {
     "velocity_m_s": (7, 1.0),
     "rates_deg_s": (10, float(np.deg2rad(1.0))),
 }
-_ATTITUDE = slice(3, 7)
+_ATTITUDE, _TURN = slice(3, 7), slice(3, 6)
 
 
 class MeasurementError(Disturbance):
@@ -52,7 +53,7 @@ class MeasurementError(Disturbance):
         error = self._rows[k]
         measured: Array = state + error
         if self._turns:
-            measured[_ATTITUDE] = _product(state[_ATTITUDE], error[_ATTITUDE])
+            turned(state[_ATTITUDE], error[_TURN], measured[_ATTITUDE])
         return measured
 
     def _blocks(self) -> Iterator[Array]:
@@ -63,8 +64,6 @@ class MeasurementError(Disturbance):
             walks = walked + np.cumsum(self._walk * steps, axis=0)
             error = self._bias + self._noise * noise + np.vstack((walked, walks[:-1]))
             walked = walks[-1]
-            if self._turns:
-                error[:, _ATTITUDE] = _quaternions(error[:, 3:6])
             yield error
 
 
@@ -83,22 +82,3 @@ def _by_state(given: Mapping[str, float], plant: Plant) -> Array:
             known = [*names, *(_GROUPS if odometry else ())]
             raise ValueError(f"there is no state {name}: choose from {', '.join(known)}")
     return values
-
-
-def _quaternions(turns: Array) -> Array:
-    """Quaternions (K, 4) of rotation vectors (K, 3) [rad]."""
-    half = 0.5 * np.linalg.norm(turns, axis=1, keepdims=True)
-    return np.hstack((0.5 * np.sinc(half / np.pi) * turns, np.cos(half)))
-
-
-def _product(first: Array, second: Array) -> Array:
-    """The attitude x y z w (4,) of a body turned by the second in its own axes."""
-    (x, y, z, w), (a, b, c, d) = first.tolist(), second.tolist()
-    return np.array(
-        [
-            w * a + x * d + y * c - z * b,
-            w * b - x * c + y * d + z * a,
-            w * c + x * b - y * a + z * d,
-            w * d - x * a - y * b - z * c,
-        ]
-    )

@@ -208,8 +208,8 @@ class Plant(ABC):
         return ""
 
     def robot_pose(self, state: Array, applied: Array) -> Array:
-        """Origin [m] and attitude x y z w (7,) of `base_link` in the world, where there is a URDF."""
-        raise NotImplementedError
+        """Origin [m] and attitude x y z w (7,) of `base_link` in the world; none (0,) where there is no URDF."""
+        return np.empty(0)
 
     def fault(self, state: Array) -> str:
         """Why the run cannot go on from a state, empty where it can."""

@@ -102,6 +102,16 @@ def bounded(*refusals: type[Exception]) -> Iterator[None]:
     assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 < MOST_BYTES
 
 
+def read_angles(path: Path, data: bytes) -> None:
+    """Joint angles of a file with these bytes are sound, or refused."""
+    path.write_bytes(data)
+    with bounded(RecordingError):
+        found = read_joint_angles(path, NAMES)
+        assert np.isfinite(found.values).all()
+        assert np.abs(found.values).max() <= math.pi
+        assert (np.diff(found.time_s) > 0.0).all()
+
+
 @pytest.fixture(scope="module")
 def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("fuzz")
@@ -132,26 +142,14 @@ def test_scenario_files(scratch: Path, data: bytes) -> None:
 
 @fuzzed(damaged(CSV, PIECES))
 def test_csv_files(scratch: Path, data: bytes) -> None:
-    path = scratch / "measured.csv"
-    path.write_bytes(data)
-    with bounded(RecordingError):
-        found = read_joint_angles(path, NAMES)
-        assert np.isfinite(found.values).all()
-        assert np.abs(found.values).max() <= math.pi
-        assert (np.diff(found.time_s) > 0.0).all()
+    read_angles(scratch / "measured.csv", data)
 
 
 @fuzzed(
     damaged(b"x\ninDegrees=yes\nendheader\ntime knee_angle_r arm_add_l tx\n0 10 1 9\n.5 20 2 9\n", PIECES)
 )
 def test_motion_files(scratch: Path, data: bytes) -> None:
-    path = scratch / "measured.mot"
-    path.write_bytes(data)
-    with bounded(RecordingError):
-        found = read_joint_angles(path, NAMES)
-        assert np.isfinite(found.values).all()
-        assert np.abs(found.values).max() <= math.pi
-        assert (np.diff(found.time_s) > 0.0).all()
+    read_angles(scratch / "measured.mot", data)
 
 
 with tempfile.TemporaryDirectory() as _scratch:
