@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from skydiver_utc.analysis.metrics import metrics, to_json
 from skydiver_utc.cli.outputs import check_figure_path, form_of
@@ -11,6 +12,7 @@ from skydiver_utc.cli.settings import load
 from skydiver_utc.loop.closed_loop import simulate as run_scenario
 from skydiver_utc.loop.outcome import REACHED_THE_END
 from skydiver_utc.loop.run import Run
+from skydiver_utc.parameters import Scenario
 from skydiver_utc.parameters.exit_codes import FAILED
 from skydiver_utc.parameters.files import write_file
 
@@ -19,13 +21,7 @@ def simulate(scenario: str, settings: Sequence[str], figure: Path | None, as_jso
     """Run, print the metrics, draw the figure; returns the exit code."""
     loaded = load(scenario, settings)
     check_figure_path(figure)
-    with run_progress(loaded, quiet) as progress:
-        run = run_scenario(loaded, progress)
-    values = metrics(run)
-    if as_json:
-        print(to_json(values))
-    else:
-        show_metrics(values, loaded.title or loaded.name)
+    run, values = fly(loaded, loaded.title or loaded.name, as_json, quiet)
     if figure is not None:
         # matplotlib is imported only for a figure.
         from skydiver_utc.analysis.figures import tracking_figure
@@ -37,6 +33,18 @@ def simulate(scenario: str, settings: Sequence[str], figure: Path | None, as_jso
             beside = figure.with_name(f"{figure.stem}_validation{figure.suffix}")
             write_file(beside, picture(validation_figure(run), form_of(figure)))
     return exit_code(run)
+
+
+def fly(scenario: Scenario, title: str, as_json: bool, quiet: bool) -> tuple[Run, dict[str, Any]]:
+    """Run a scenario and print its metrics under a title, or as JSON."""
+    with run_progress(scenario, quiet) as progress:
+        run = run_scenario(scenario, progress)
+    values = metrics(run)
+    if as_json:
+        print(to_json(values))
+    else:
+        show_metrics(values, title)
+    return run, values
 
 
 def exit_code(run: Run) -> int:

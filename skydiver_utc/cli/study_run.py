@@ -7,12 +7,10 @@ from pathlib import Path
 
 import click
 
-from skydiver_utc.analysis.metrics import metrics, to_json
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.outputs import prepare_folder
-from skydiver_utc.cli.screen import count_progress, run_progress, show_lines, show_metrics
-from skydiver_utc.cli.simulate import exit_code
-from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.cli.screen import count_progress, show_lines
+from skydiver_utc.cli.simulate import exit_code, fly
 from skydiver_utc.parameters import to_yaml
 from skydiver_utc.parameters.exit_codes import FAILED
 from skydiver_utc.parameters.files import write_file
@@ -64,13 +62,7 @@ def show_run(study: str, number: int, out: Path | None, record: bool, as_json: b
         from skydiver_utc.cli.run import run
 
         return run([str(path)], (), None, False, 0, as_json, quiet)
-    with run_progress(scenario, quiet) as progress:
-        flown = simulate(scenario, progress)
-    values = metrics(flown)
-    if as_json:
-        print(to_json(values))
-    else:
-        show_metrics(values, f"{plan.study.name}, run {number}: {row.case}, {row.sample}")
+    flown, _ = fly(scenario, f"{plan.study.name}, run {number}: {row.case}, {row.sample}", as_json, quiet)
     if kept_of(plan.study, Flown.of(flown)) != row.metrics:
         click.echo(
             f"Error: run {number} has other metrics in {folder / FILE}: another version flew it", err=True
