@@ -33,7 +33,7 @@ from skydiver_utc.recording.schemas import message_schema
 _CLOCK = "/clock"
 _TICK_S = 0.002
 _BATCH = 200  # messages in one tick, so that a signal is answered while it catches up
-_SHORTEST_DISCOVERY_S, _LONGEST_DISCOVERY_S = 1.0, 10.0
+_SHORTEST_DISCOVERY_S, _NOBODY_S, _LONGEST_DISCOVERY_S = 1.0, 5.0, 10.0
 _ACKNOWLEDGEMENT_S = 5.0
 _DEPTH = 1000
 
@@ -117,13 +117,15 @@ class PlayerNode(Node):
                     self._publish(item)
 
     def _discovered(self) -> bool:
-        """True when all subscribers are matched, after ten seconds in any case."""
+        """True when all subscribers are matched; after five seconds without any, after ten in any case."""
         waited_s = time.monotonic() - self._opened_at_s
-        matched = all(
-            publisher.get_subscription_count() >= self.count_subscribers(name)
+        pairs = [
+            (publisher.get_subscription_count(), self.count_subscribers(name))
             for name, publisher in self._publishers_by_topic.items()
-        )
-        return waited_s > _LONGEST_DISCOVERY_S or (waited_s > _SHORTEST_DISCOVERY_S and matched)
+        ]
+        matched = all(count >= known for count, known in pairs)
+        shortest_s = _SHORTEST_DISCOVERY_S if any(count for count, _ in pairs) else _NOBODY_S
+        return waited_s > _LONGEST_DISCOVERY_S or (waited_s > shortest_s and matched)
 
     def _refuse_other_clock(self, clocks: Sequence[str], look_s: float) -> None:
         deadline = time.monotonic() + look_s
