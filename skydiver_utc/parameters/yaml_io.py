@@ -44,7 +44,7 @@ class _StrictLoader(_SafeLoader):  # type: ignore[misc]
         node.own_pairs = {}
         for key, value in node.value:
             if key.tag != _MERGE:
-                name = self.construct_object(key, deep=True)
+                name = self.construct_object(key)
                 if name in node.own_pairs:
                     line = node.start_mark.line + 1
                     raise ParameterError(
@@ -55,7 +55,7 @@ class _StrictLoader(_SafeLoader):  # type: ignore[misc]
         for block in [block for key, value in node.value if key.tag == _MERGE for block in _blocks(value)]:
             self.flatten_mapping(block)
             for key, value in block.value:
-                merged.setdefault(self.construct_object(key, deep=True), (key, value))
+                merged.setdefault(self.construct_object(key), (key, value))
         node.value = list((merged | node.own_pairs).values())
 
     def construct_integer(self, node: yaml.ScalarNode) -> int:

@@ -252,6 +252,17 @@ def test_an_output_offset_survives_a_state_that_is_lost():
             np.testing.assert_allclose(result.of_control, result.outputs[0], atol=1e-9)
 
 
+def test_a_controller_that_is_reset_repeats_its_first_steps():
+    """The output's offset, the warm start and the covariance are forgotten."""
+    drive = controller(tank, None, state=[1.0], control=0.4, maximum=2.0, horizon=4, offset_share=0.5)
+    flown = []
+    for _ in range(2):
+        _, results = run(drive, lambda x, u, dt: tank(x, u, dt, 0.8), [1.0], 2.0, 20)
+        flown.append([(result.control[0], result.covariance[0, 0], result.status) for result in results])
+        drive.reset()
+    assert flown[0] == flown[1]
+
+
 def wrap(angle):
     return np.arctan2(np.sin(angle), np.cos(angle))
 
