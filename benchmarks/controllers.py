@@ -13,8 +13,8 @@ from skydiver_utc.controllers.limits import limits_of
 from skydiver_utc.controllers.roll_out import RollOut
 from skydiver_utc.controllers.settings import GaussNewtonSettings
 from skydiver_utc.controllers.utc.settings import UtcSettings
+from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Scenario, load_scenario
 

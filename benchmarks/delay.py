@@ -11,7 +11,7 @@ import click
 import numpy as np
 
 from skydiver_utc.analysis.numbers import SETTLING_S
-from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
+from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import Scenario, load_scenario
 
 

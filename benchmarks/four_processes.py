@@ -21,7 +21,7 @@ from rich.progress import track
 from rich.table import Table
 from timing import machine
 
-from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
+from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import Scenario, load_scenario
 from skydiver_utc.parameters.nodes import ReferenceNodeSettings
 from skydiver_utc.parameters.skydiver import CONTROLS as CONTROL_NAMES

@@ -14,8 +14,8 @@ import click
 from athlete import flown_by
 
 from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.loop.build import build_controller
 from skydiver_utc.loop.closed_loop import Build, simulate
-from skydiver_utc.loop.registry import build_controller
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.studies.cases import case
 

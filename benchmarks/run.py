@@ -21,8 +21,8 @@ from rich.progress import track
 from rich.table import Table
 from timing import Group, Row, Subject, machine
 
+from skydiver_utc.loop.build import build_plant
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_plant
 from skydiver_utc.parameters import load_scenario
 
 _STEPS_IN_A_LOOP = 2000

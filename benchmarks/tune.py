@@ -27,9 +27,9 @@ from references import AMPLITUDES, FREQUENCIES, sine
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.controllers.protocol import Controller
+from skydiver_utc.loop.build import build_controller
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.outcome import Outcome
-from skydiver_utc.loop.registry import build_controller
 from skydiver_utc.parameters import Scenario, leaves, load_scenario
 from skydiver_utc.plants.protocol import Plant
 from skydiver_utc.references.protocol import Reference

@@ -122,11 +122,11 @@ STEPS = (
 
 @click.command(help=__doc__)
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--jobs", default=2, show_default=True)
-def main(folder: Path, jobs: int) -> None:
+@click.option("--workers", default=2, show_default=True)
+def main(folder: Path, workers: int) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     cases = {one.command: one.load() for step in STEPS for one in step.cases.values()}
-    runs = run_all(cases, whole, jobs, lambda done: print(f"{done} of {len(cases)} runs", flush=True))
+    runs = run_all(cases, whole, workers, lambda done: print(f"{done} of {len(cases)} runs", flush=True))
     for step in STEPS:
         shown = {label: runs[one.command] for label, one in step.cases.items()}
         (folder / f"{step.name}.png").write_bytes(png(telemetry_figure(step.title, shown)))

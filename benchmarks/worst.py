@@ -21,8 +21,8 @@ from timing import machine
 from skydiver_utc.controllers.protocol import Controller, Status
 from skydiver_utc.controllers.utc.settings import UtcSettings
 from skydiver_utc.controllers.utc.unscented_transform_controller import UnscentedTransformController
+from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
 
 PRIORITY = -5
 _ROUND = 10_000

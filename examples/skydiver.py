@@ -10,7 +10,7 @@ import numpy as np
 from show import figure_path, panels
 
 from skydiver_utc import FunctionPlant, UnscentedTransformController
-from skydiver_utc.loop.registry import build_plant, build_reference
+from skydiver_utc.loop.build import build_plant, build_reference
 from skydiver_utc.parameters import load_scenario
 
 

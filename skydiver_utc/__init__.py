@@ -18,7 +18,7 @@ _MODULES = {
     "Disturbance": "disturbances.protocol",
     "Estimator": "estimators.protocol",
     "Model": "plants.protocol",
-    "ParameterError": "parameters.errors",
+    "ParameterError": "errors",
     "Plant": "plants.protocol",
     "Reference": "references.protocol",
     "Run": "loop.run",

@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 from timing import Subject
 
+from skydiver_utc.loop.build import build_plant, build_reference
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_plant, build_reference
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Scenario, load_scenario
 from tool_chains.chains import controller_by

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.recorded_run import RecordedRun
-from skydiver_utc.loop.decisions import Decider, Stretch, decide_at
-from skydiver_utc.loop.registry import (
+from skydiver_utc.errors import AnalysisError
+from skydiver_utc.loop.build import (
     build_controller,
     build_disturbances,
     build_estimator,
     build_plant,
     model_beside,
 )
+from skydiver_utc.loop.decisions import Decider, Stretch, decide_at
 from skydiver_utc.loop.run import ParameterChange, Run
 from skydiver_utc.parameters import Scenario, override
 

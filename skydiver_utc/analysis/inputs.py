@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.estimation import sensor_names
 from skydiver_utc.analysis.numbers import finite
 from skydiver_utc.controllers.utc.result import UtcResult
 from skydiver_utc.controllers.utc.settings import UtcSettings
 from skydiver_utc.controllers.utc.unscented_transform_controller import UnscentedTransformController
+from skydiver_utc.errors import AnalysisError
 from skydiver_utc.loop.run import Run
 
 SCHEMA_VERSION = 1

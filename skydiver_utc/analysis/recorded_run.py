@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows, stretches
+from skydiver_utc.errors import AnalysisError, MissingModuleError
 from skydiver_utc.estimators.protocol import Reading
-from skydiver_utc.loop.outcome import REACHED_THE_END, Outcome
-from skydiver_utc.loop.registry import (
+from skydiver_utc.loop.build import (
     build_disturbances,
     build_reference,
     build_sensors,
     build_true_plant,
 )
+from skydiver_utc.loop.outcome import REACHED_THE_END, Outcome
 from skydiver_utc.loop.run import ParameterChange, Run
 from skydiver_utc.messages import (
     MessageError,
@@ -33,7 +33,6 @@ from skydiver_utc.messages import (
     run_id_of,
 )
 from skydiver_utc.parameters import ParameterError, Scenario, from_yaml, leaves, override
-from skydiver_utc.parameters.errors import MissingModuleError
 from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.reader import RecordedTopic, read_bag
 

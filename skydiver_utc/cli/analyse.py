@@ -3,33 +3,32 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from skydiver_utc.analysis.figures import tracking_figure
-from skydiver_utc.analysis.labels import reference_added
-from skydiver_utc.analysis.metrics import metrics, to_json
-from skydiver_utc.analysis.recorded_run import RecordedRun
-from skydiver_utc.analysis.style import png
-from skydiver_utc.analysis.validation_figure import validation_figure
+from skydiver_utc.cli import options
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.screen import show_metrics
-from skydiver_utc.loop.run import Run
-from skydiver_utc.parameters.files import write_file
-from skydiver_utc.parameters.run_folder import (
-    FIGURE_FILE,
-    METRICS_FILE,
-    REPORT_FILE,
-    VALIDATION_FILE,
-    VERSIONS_FILE,
-    text_of,
-)
-from skydiver_utc.view.report import Flown, report_html
+
+if TYPE_CHECKING:
+    from skydiver_utc.loop.run import Run
+    from skydiver_utc.view.report import Flown
 
 
-def analyse(folder: Path, as_json: bool) -> Run:
+@click.command(cls=options.Computing, short_help="Analyse a run folder again, from its bag.")
+@options.run_folder
+@options.as_json
+def analyse(folder: Path, as_json: bool) -> None:
+    """Make metrics.json, the figures and report.html of the run folder RUN again, from its bag alone."""
+    examine_and_show(folder, as_json)
+
+
+def examine_and_show(folder: Path, as_json: bool) -> "Run":
     """Read the run, write its metrics, figure and report beside the bag, print the metrics."""
+    from skydiver_utc.analysis.labels import reference_added
+    from skydiver_utc.analysis.metrics import to_json
+
     run, values = examine(folder)
     if as_json:
         print(to_json(values))
@@ -43,13 +42,16 @@ def analyse(folder: Path, as_json: bool) -> Run:
     return run
 
 
-def print_analysis(folder: Path, as_json: bool) -> None:
-    """The command: 0 whatever the outcome of the run."""
-    analyse(folder, as_json)
-
-
-def examine(folder: Path) -> tuple[Run, dict[str, Any]]:
+def examine(folder: Path) -> tuple["Run", dict[str, Any]]:
     """Read the run and write its metrics, figure and report beside the bag; the run and its metrics."""
+    from skydiver_utc.analysis.figures import tracking_figure
+    from skydiver_utc.analysis.metrics import to_json
+    from skydiver_utc.analysis.style import png
+    from skydiver_utc.analysis.validation_figure import validation_figure
+    from skydiver_utc.parameters.files import write_file
+    from skydiver_utc.parameters.run_folder import FIGURE_FILE, METRICS_FILE, REPORT_FILE, VALIDATION_FILE
+    from skydiver_utc.view.report import report_html
+
     flown = read(folder)
     files: dict[str, str | bytes] = {
         METRICS_FILE: to_json(flown.metrics) + "\n",
@@ -63,12 +65,17 @@ def examine(folder: Path) -> tuple[Run, dict[str, Any]]:
     return flown.run, flown.metrics
 
 
-def read(folder: Path) -> Flown:
+def read(folder: Path) -> "Flown":
     """The run of a folder, named as its scenario, with its metrics and versions.
 
     Metrics of a recording have three more: `run_id`; `ignored_messages`, by topic, without a step of the run or
     unreadable; `reference_steps_not_recorded`, which are those of the recorded scenario.
     """
+    from skydiver_utc.analysis.metrics import metrics
+    from skydiver_utc.analysis.recorded_run import RecordedRun
+    from skydiver_utc.parameters.run_folder import VERSIONS_FILE
+    from skydiver_utc.view.report import Flown
+
     if folder.is_file():
         raise CommandError(f"{folder} is a file: give the run folder that it lies in")
     recording = RecordedRun(folder)
@@ -84,6 +91,8 @@ def read(folder: Path) -> Flown:
 
 def _versions(path: Path) -> dict[str, str]:
     """The recorder's file beside the bag, empty where it is missing."""
+    from skydiver_utc.parameters.run_folder import text_of
+
     try:
         found = json.loads(text_of(path))
     except (ValueError, RecursionError):

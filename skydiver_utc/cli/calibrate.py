@@ -3,24 +3,56 @@
 
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rich.text import Text
+import click
 
+from skydiver_utc.cli import options
 from skydiver_utc.cli.outputs import prepare_folder
 from skydiver_utc.cli.screen import count_progress, show_json_or, show_lines, show_tables, table
-from skydiver_utc.parameters.exit_codes import FAILED
-from skydiver_utc.studies.calibration.candidate import numbers_of, start_of
-from skydiver_utc.studies.calibration.evaluation import Evaluation
-from skydiver_utc.studies.calibration.files import report, write_report, write_skydiver
-from skydiver_utc.studies.calibration.search import best_of, search
-from skydiver_utc.studies.calibration.settings import Calibration, load_calibration
+from skydiver_utc.errors import FAILED
+
+if TYPE_CHECKING:
+    from skydiver_utc.studies.calibration.evaluation import Evaluation
+    from skydiver_utc.studies.calibration.settings import Calibration
+
+_EXIT_CODES = """\b
+exit code
+    0  every target is met
+    1  some are not: the best skydiver was written
+    2  the input is wrong: one sentence says why
+  130  stopped with Ctrl-C: the same command continues
+"""
 
 
+@click.command(
+    cls=options.Computing, epilog=_EXIT_CODES, short_help="Find a skydiver whose measures meet targets."
+)
+@click.argument("calibration", metavar="CALIBRATION")
+@click.option(
+    "--out", required=True, type=options.PATH, metavar="FOLDER",
+    help="Write the skydiver here; a search that was interrupted here is continued.",
+)  # fmt: skip
+@click.option("--seed", default=1, show_default=True, type=options.Count(0), help="Seed of the search.")
+@click.option(
+    "--evaluations", type=options.Count(1), help="How many skydivers to try, instead of the file's number."
+)
+@options.as_json
+@options.quiet
 def calibrate(
     calibration: str, out: Path, seed: int, evaluations: int | None, as_json: bool, quiet: bool
 ) -> int:
-    """Search, write the best skydiver into the folder, print it beside its targets; returns the exit code."""
+    """Find a skydiver whose fall, turns and flights meet targets, by changing numbers within bounds.
+
+    CALIBRATION is a name below config/calibrations, or the path of a YAML file (docs/calibrate.md). FOLDER receives
+    skydiver.yaml with its suit, subject, posture and pattern, calibration.json, and evaluations.jsonl, from which the
+    same command continues.
+    """
+    from skydiver_utc.studies.calibration.candidate import numbers_of, start_of
+    from skydiver_utc.studies.calibration.files import report, write_report, write_skydiver
+    from skydiver_utc.studies.calibration.search import best_of, search
+    from skydiver_utc.studies.calibration.settings import load_calibration
+
     wanted = load_calibration(calibration)
     of_so_many = "" if evaluations is None else f" --evaluations {evaluations}"
     command = f"skydiver-utc calibrate {calibration} --seed {seed}{of_so_many}"
@@ -29,7 +61,7 @@ def calibrate(
     count = evaluations or wanted.evaluations
     with count_progress("start", count, quiet) as progress:
 
-        def tried(done: list[Evaluation]) -> None:
+        def tried(done: "list[Evaluation]") -> None:
             best = best_of(done)
             progress(len(done), f"best: {sum(best.met)} of {len(best.met)} targets, cost {best.cost:.2f}")
 
@@ -44,7 +76,9 @@ def calibrate(
     return 0 if all(best.met) else FAILED
 
 
-def _show(calibration: Calibration, before: dict[str, float], values: dict[str, Any]) -> None:
+def _show(calibration: "Calibration", before: dict[str, float], values: dict[str, Any]) -> None:
+    from rich.text import Text
+
     title = f"{values['calibration']}, the best of {values['evaluations']}"
     targets = table(title, "stage", "measure", "wanted", ">found", "", show_edge=False)
     for row in values["targets"]:

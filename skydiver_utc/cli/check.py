@@ -3,20 +3,16 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from skydiver_utc.analysis.controller_check import check as compute
-from skydiver_utc.analysis.controller_check import report
-from skydiver_utc.analysis.labels import reference_added
-from skydiver_utc.analysis.metrics import to_json
-from skydiver_utc.analysis.recorded_run import RecordedRun
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.outputs import check_figure_path, form_of
 from skydiver_utc.cli.screen import show_lines, show_tables, table
 from skydiver_utc.cli.settings import parse_setting
-from skydiver_utc.parameters import Scenario, load_scenario, override
-from skydiver_utc.parameters.exit_codes import FAILED
-from skydiver_utc.parameters.files import write_file
+from skydiver_utc.errors import FAILED
+
+if TYPE_CHECKING:
+    from skydiver_utc.parameters import Scenario
 
 # What the states and the reference of a recording belong to.
 _RECORDED = ("dt_s", "epoch_s", "duration_s", "reference")
@@ -26,11 +22,18 @@ def check(
     folder: Path, controller: str | None, settings: Sequence[str], figure: Path | None, as_json: bool
 ) -> int:
     """Compute the commands, print the differences; returns the exit code."""
+    from skydiver_utc.analysis import controller_check
+    from skydiver_utc.analysis.metrics import to_json
+    from skydiver_utc.analysis.recorded_run import RecordedRun
+    from skydiver_utc.parameters.files import write_file
+
     check_figure_path(figure)
-    found = compute(RecordedRun(folder), lambda recorded: _other_scenario(recorded, controller, settings))
+    found = controller_check.check(
+        RecordedRun(folder), lambda recorded: _other_scenario(recorded, controller, settings)
+    )
     name = "the recorded controller" if controller is None else f"the controller of {controller}"
     name = f"{name} with {', '.join(settings)}" if settings else name
-    values = {**report(found), "controller": name}
+    values = {**controller_check.report(found), "controller": name}
     if as_json:
         print(to_json(values))
     else:
@@ -43,8 +46,10 @@ def check(
     return 0 if found.equal else FAILED
 
 
-def _other_scenario(recorded: Scenario, controller: str | None, settings: Sequence[str]) -> Scenario:
+def _other_scenario(recorded: "Scenario", controller: str | None, settings: Sequence[str]) -> "Scenario":
     """The recorded scenario with another one's controller, then with the settings."""
+    from skydiver_utc.parameters import load_scenario, override
+
     overrides: dict[str, object] = {}
     if controller is not None:
         overrides["controller"] = load_scenario(controller).controller.as_dict()
@@ -59,6 +64,8 @@ def _other_scenario(recorded: Scenario, controller: str | None, settings: Sequen
 
 
 def _show(values: dict[str, Any]) -> None:
+    from skydiver_utc.analysis.labels import reference_added
+
     if values["first_step"]:
         first_step = f"step {values['first_step']}"
         show_lines(

@@ -3,27 +3,46 @@
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.text import Text
+import click
 
+from skydiver_utc.cli import options
 from skydiver_utc.cli.outputs import prepare_folder
 from skydiver_utc.cli.screen import count_progress, show_lines, table
-from skydiver_utc.studies.checklist import checklist
-from skydiver_utc.studies.claim import Verdict
-from skydiver_utc.studies.paper_cases import all_cases
-from skydiver_utc.studies.paper_files import read_comparison, write_comparison
-from skydiver_utc.studies.paper_page import CONFIGURATION_HEAD, QUICK_WARNING, configuration_rows
-from skydiver_utc.studies.paper_results import PaperResults, run_comparison
 
-_STYLES = {Verdict.HOLDS: "green", Verdict.PARTLY: "yellow", Verdict.FAILS: "red", Verdict.ELSEWHERE: "dim"}
+if TYPE_CHECKING:
+    from skydiver_utc.studies.paper_results import PaperResults
+
+_STYLES = {"HOLDS": "green", "PARTLY": "yellow", "FAILS": "red", "ELSEWHERE": "dim"}
 
 
-def compare_paper(out: Path | None, quick: bool, jobs: int, as_json: bool, quiet: bool) -> None:
-    """Run the comparison, write page, results and figures to `out`, print configurations and checklist."""
+@click.group()
+def compare() -> None:
+    """Compare this package with the results of others."""
+
+
+@compare.command(
+    cls=options.Computing, short_help="Run every configuration and check every claim of the paper."
+)
+@options.out_folder
+@click.option("--quick", is_flag=True, help="Only the first seconds of each run: does it all work?")
+@options.workers
+@options.as_json
+@options.quiet
+def paper(out: Path | None, quick: bool, workers: int, as_json: bool, quiet: bool) -> None:
+    """Run every configuration of the paper: a table, its figures, and a checklist of its claims.
+
+    FOLDER receives paper.md, details.md, results.json and the figures. Studies found there go into the pages.
+    """
+    from skydiver_utc.studies.checklist import checklist
+    from skydiver_utc.studies.paper_cases import all_cases
+    from skydiver_utc.studies.paper_files import read_comparison, write_comparison
+    from skydiver_utc.studies.paper_results import run_comparison
+
     prepare_folder(out)
     with count_progress("runs", len(all_cases()), quiet) as done:
-        results, runs = run_comparison(quick, jobs, done)
+        results, runs = run_comparison(quick, workers, done)
     if out is not None:
         write_comparison(out, results, runs)
         results = read_comparison(out)
@@ -36,7 +55,13 @@ def compare_paper(out: Path | None, quick: bool, jobs: int, as_json: bool, quiet
         show_lines(f"written into {out}")
 
 
-def _show(results: PaperResults) -> None:
+def _show(results: "PaperResults") -> None:
+    from rich.console import Console
+    from rich.text import Text
+
+    from skydiver_utc.studies.checklist import checklist
+    from skydiver_utc.studies.paper_page import CONFIGURATION_HEAD, QUICK_WARNING, configuration_rows
+
     head, *rows = (
         (label, *measured) for label, _code, *measured in (CONFIGURATION_HEAD, *configuration_rows(results))
     )
@@ -45,7 +70,7 @@ def _show(results: PaperResults) -> None:
         configurations.add_row(*map(Text, row))
     claims = table("The paper's claims", "the paper's claim", "measured", "", show_lines=True)
     for claim in checklist(results):
-        verdict = Text(claim.verdict.value, style=_STYLES[claim.verdict])
+        verdict = Text(claim.verdict.value, style=_STYLES[claim.verdict.name])
         claims.add_row(Text(claim.words), Text(claim.measured), verdict)
     Console().print(configurations)
     Console().print(claims)

@@ -3,18 +3,41 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
-from skydiver_utc.analysis.recorded_run import read_run
-from skydiver_utc.analysis.table import FORMS, table
+from skydiver_utc.cli import options
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.outputs import prepare_folder
-from skydiver_utc.parameters.files import write_file
 
 
+def _form(name: str, help_text: str) -> Any:
+    return click.option(f"--{name}", "forms", flag_value=name, multiple=True, help=help_text)
+
+
+@click.command(cls=options.Computing, short_help="Write a run as CSV, NPZ or Parquet, or its figure.")
+@options.run_folder
+@_form("csv", "Every step, one row each: run.csv.")
+@_form("npz", "The same as NumPy arrays: run.npz.")
+@_form("parquet", "The same as Parquet: run.parquet; needs the extra `studies`.")
+@_form("png", "The figure: tracking.png.")
+@_form("svg", "The figure as SVG.")
+@_form("pdf", "The figure as PDF.")
+@click.option(
+    "--out", type=options.PATH, metavar="FOLDER",
+    help="Write into this folder, made if missing, instead of into RUN.",
+)  # fmt: skip
 def export(folder: Path, forms: Sequence[str], out: Path | None) -> None:
-    """Write the run in each form, print the files' names."""
+    """Write the recorded run RUN for other programs; several forms at once, if wanted.
+
+    Columns are time_s, and by their topic and name state/.., command/.., applied_command/.., reference/.., output/..,
+    telemetry/.., disturbance/.., solve_time_s and status, in SI units and radians; NaN where a step has no value.
+    """
+    from skydiver_utc.analysis.recorded_run import read_run
+    from skydiver_utc.analysis.table import FORMS, table
+    from skydiver_utc.parameters.files import write_file
+
     if not forms:
         raise CommandError(
             "give at least one form, such as --csv or --svg: `skydiver-utc export --help` lists them"
@@ -28,7 +51,6 @@ def export(folder: Path, forms: Sequence[str], out: Path | None) -> None:
         except ModuleNotFoundError as error:
             raise CommandError(f"--{form} needs {error.name}: pip install 'skydiver_utc[studies]'") from error
         if content is None:
-            # matplotlib is imported only for a figure.
             from skydiver_utc.analysis.figures import tracking_figure
             from skydiver_utc.analysis.style import picture
 

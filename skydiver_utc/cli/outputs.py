@@ -2,11 +2,12 @@
 """Files and folders that a command writes; checked before any work is done."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from skydiver_utc.cli.errors import CommandError
-from skydiver_utc.parameters import Parameters
-from skydiver_utc.parameters.files import write_file
-from skydiver_utc.parameters.yaml_io import write_yaml
+
+if TYPE_CHECKING:
+    from skydiver_utc.parameters import Parameters
 
 FORMS = ("png", "svg", "pdf")  # of figures, see `skydiver_utc.analysis.style.picture`
 
@@ -48,8 +49,11 @@ def name_of(out: Path | None, default: str, force: bool) -> str:
     return out.stem
 
 
-def write(parameters: Parameters, out: Path | None) -> None:
+def write(parameters: "Parameters", out: Path | None) -> None:
     """Write settings into a YAML file, or on the screen."""
+    from skydiver_utc.parameters.files import write_file
+    from skydiver_utc.parameters.yaml_io import write_yaml
+
     content = write_yaml(parameters.as_dict())
     if out is None:
         print(content, end="")

@@ -4,25 +4,61 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import click
+
+from skydiver_utc.cli import options
 from skydiver_utc.cli.outputs import name_of, write
+from skydiver_utc.cli.pattern_extract import extract
+from skydiver_utc.cli.pattern_import import import_
+from skydiver_utc.cli.pattern_show import show
 from skydiver_utc.cli.settings import load_skydiver
-from skydiver_utc.plants.skydiver.pattern_design import designed_pattern
-from skydiver_utc.plants.skydiver.pattern_kinds import PATTERN_KINDS
-from skydiver_utc.plants.skydiver.trim import straight_fall, trimmed_posture
+from skydiver_utc.plants.skydiver.pattern_kinds import DEFAULT_KIND, PATTERN_KINDS
 
 
+@click.group()
+def pattern() -> None:
+    """Make and examine postures and movement patterns."""
+
+
+pattern.add_command(show)
+pattern.add_command(extract)
+pattern.add_command(import_)
+
+
+@pattern.command(cls=options.Computing, short_help="Trim SCENARIO's posture to a straight fall.")
+@options.scenario
+@options.settings
+@options.out_file
+@options.force
 def neutral(scenario: str, settings: Sequence[str], out: Path | None, force: bool) -> None:
-    """Write the straight fall nearest to the scenario's posture at the scenario's pitch."""
+    """The straight fall nearest to SCENARIO's posture, at its initial pitch, as a posture file."""
+    from skydiver_utc.plants.skydiver.trim import straight_fall, trimmed_posture
+
     loaded, name = load_skydiver(scenario, settings), name_of(out, "neutral", force)
     plant = loaded.plant
     trim = straight_fall(loaded, plant.posture, plant.initial.pitch_deg)
     write(trimmed_posture(loaded, trim, name), out)
 
 
+@pattern.command(cls=options.Computing, short_help="Design a movement pattern for SCENARIO's posture.")
+@options.scenario
+@options.settings
+@click.option(
+    "--kind", type=click.Choice(list(PATTERN_KINDS)), default=DEFAULT_KIND, show_default=True,
+    help="Positive alpha turns left, lowers the head, slides to the left, or falls slower.",
+)  # fmt: skip
+@click.option(
+    "--seed", default=1, show_default=True, type=options.Count(0), help="Seed of the random starts."
+)
+@options.out_file
+@options.force
 def design(
     scenario: str, settings: Sequence[str], kind: str, seed: int, out: Path | None, force: bool
 ) -> None:
-    """Write a pattern of a kind for the scenario's posture, which must fall straight."""
+    """The pattern with the most of the wanted acceleration for the least of any other, as a pattern file."""
+    from skydiver_utc.plants.skydiver.pattern_design import designed_pattern
+    from skydiver_utc.plants.skydiver.trim import straight_fall
+
     loaded, wanted = load_skydiver(scenario, settings), PATTERN_KINDS[kind]
     plant, name = loaded.plant, name_of(out, wanted.name, force)
     trim = straight_fall(loaded, plant.posture, plant.initial.pitch_deg)

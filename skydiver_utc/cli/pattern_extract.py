@@ -4,31 +4,42 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
-from numpy.typing import NDArray
 
-from skydiver_utc.body.posture import joint_angle_names, joint_rows, posture_angles
-from skydiver_utc.body.principal_components import PrincipalComponents, principal_components
+from skydiver_utc.cli import options
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.outputs import name_of, write
 from skydiver_utc.cli.screen import show_tables, table
 from skydiver_utc.cli.settings import load_skydiver
-from skydiver_utc.parameters import MovementPattern, Posture, Scenario
-from skydiver_utc.plants.skydiver.pattern_effect import EFFECTS, pattern_effect
-from skydiver_utc.plants.skydiver.trim import DECIMALS
-from skydiver_utc.recording.joint_angles import JointAngles, read_joint_angles
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from skydiver_utc.body.principal_components import PrincipalComponents
+    from skydiver_utc.parameters import Scenario
 
 # Components that are listed together explain this share of the variance.
 _LISTED = 0.999
-# Angles that stay within this, less than any measurement resolves, are those of a body at rest.
-_MOTIONLESS_RAD = np.deg2rad(0.1)
 
 
+@click.command(cls=options.Computing, short_help="Find the movement patterns of recorded postures.")
+@click.argument("source", metavar="SOURCE", type=options.PATH)
+@click.option(
+    "--component",
+    default=1,
+    show_default=True,
+    type=options.Count(1),
+    help="Which one to write, by falling variance.",
+)
+@options.out_file
+@click.option("--mean", type=options.PATH, metavar="FILE.yaml", help="Write the mean posture here.")
+@options.force
+@options.within
+@options.settings
+@options.as_json
 def extract(
     source: Path,
     component: int,
@@ -39,7 +50,22 @@ def extract(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Write a principal component of recorded postures as a pattern, and their mean as a posture."""
+    """Find the movement patterns of recorded postures by principal component analysis.
+
+    SOURCE is a run folder, a bag, an .mcap file, or joint angles in a file of OpenSim (.mot, .sto) or CSV
+    (docs/patterns.md); angles that it lacks are those of the scenario's posture. A positive pattern angle has the
+    largest of the accelerations about the mean posture positive: it turns left, lowers the head, slides left or
+    falls slower.
+    """
+    import numpy as np
+
+    from skydiver_utc.body.posture import joint_angle_names, joint_rows
+    from skydiver_utc.body.principal_components import principal_components
+    from skydiver_utc.cli.motion import whole_postures
+    from skydiver_utc.parameters import MovementPattern, Posture
+    from skydiver_utc.plants.skydiver.trim import DECIMALS
+    from skydiver_utc.recording.joint_angles import read_joint_angles
+
     loaded = load_skydiver(scenario, settings)
     name, name_of_mean = name_of(out, f"component_{component}", force), name_of(mean, "mean", force)
     if out is not None and mean is not None and out.resolve() == mean.resolve():
@@ -83,20 +109,14 @@ def extract(
         _show(rows, about)
 
 
-def whole_postures(source: Path, recorded: JointAngles, posture: Posture) -> Array:
-    """All 45 joint angles (n, 45) [rad]: what was not recorded is that of the posture; a motionless one is refused."""
-    names = joint_angle_names()
-    if np.ptp(recorded.values, axis=0).max() < _MOTIONLESS_RAD:
-        raise CommandError(f"the postures in {source} do not move: give the recording of a maneuver")
-    if recorded.note:
-        click.echo(recorded.note, err=True)
-    angles = np.tile(posture_angles(posture).ravel(), (len(recorded.time_s), 1))
-    angles[:, [names.index(name) for name in recorded.names]] = recorded.values
-    return angles
-
-
-def _component(scenario: Scenario, found: PrincipalComponents, i: int, angles: Array) -> dict[str, Any]:
+def _component(
+    scenario: "Scenario", found: "PrincipalComponents", i: int, angles: "NDArray[np.float64]"
+) -> dict[str, Any]:
     """One component, its sign such that the largest of its accelerations is positive."""
+    import numpy as np
+
+    from skydiver_utc.plants.skydiver.pattern_effect import EFFECTS, pattern_effect
+
     effect = pattern_effect(scenario, found.mean, found.directions[i])
     largest = int(np.abs(effect).argmax())
     direction = found.directions[i] * np.sign(effect[largest])

@@ -2,18 +2,32 @@
 """``skydiver-utc pattern show``: the effect of a movement pattern on a straight fall, at once and in the end."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
+import click
 
+from skydiver_utc.cli import options
 from skydiver_utc.cli.screen import numbers, show_json_or, show_lines, show_tables, table
 from skydiver_utc.cli.settings import load_skydiver
-from skydiver_utc.plants.skydiver.pattern_report import pattern_report
-from skydiver_utc.plants.skydiver.trim import in_straight_fall
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 
+@click.command(cls=options.Computing, short_help="Show the effect of PATTERN on a straight fall.")
+@click.argument("pattern", metavar="PATTERN")
+@options.within
+@options.settings
+@options.as_json
 def show(pattern: str, scenario: str, settings: Sequence[str], as_json: bool) -> None:
-    """Print accelerations and steady falls over the range of the pattern angle."""
+    """Show what PATTERN does to the straight fall of a scenario's posture, at once and when it is held.
+
+    PATTERN is a name below config/patterns, or the path of a YAML file. The posture is first moved, by as little as
+    it takes, to fall straight down at the scenario's initial pitch.
+    """
+    from skydiver_utc.plants.skydiver.pattern_report import pattern_report
+    from skydiver_utc.plants.skydiver.trim import in_straight_fall
+
     values = pattern_report(
         in_straight_fall(load_skydiver(scenario, [f"plant.pattern={pattern}", *settings]))
     )
@@ -29,7 +43,7 @@ def _show(values: dict[str, Any]) -> None:
     show_tables(_at_once(values["at"]), _in_the_end(values))
 
 
-def _at_once(rows: list[dict[str, Any]]) -> Table:
+def _at_once(rows: list[dict[str, Any]]) -> "Table":
     forces = (f">{name}\nm/s2" for name in ("surge", "sway", "heave"))
     moments = (f">{name}\nrad/s2" for name in ("roll", "pitch", "yaw"))
     made = table("Accelerations when put in at once, body axes", ">alpha\nrad", *forces, *moments)
@@ -39,7 +53,7 @@ def _at_once(rows: list[dict[str, Any]]) -> Table:
     return made
 
 
-def _in_the_end(values: dict[str, Any]) -> Table:
+def _in_the_end(values: dict[str, Any]) -> "Table":
     made = table(
         f"Steady fall when held, Cm_damp_yaw = {values['Cm_damp_yaw']:g}",
         *(

@@ -6,12 +6,13 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.settings import load
-from skydiver_utc.parameters import Scenario
-from skydiver_utc.parameters.run_folder import new_run_folder
+
+if TYPE_CHECKING:
+    from skydiver_utc.parameters import Scenario
 
 _NAMED = re.compile(r"([A-Za-z]\w*)=(.+)", re.DOTALL)
 _DEFAULT_NAME = "skydiver"
@@ -21,7 +22,7 @@ class PlannedRun(NamedTuple):
     """One run; `module_folder` is the folder of a scenario file, where its own classes are, or None."""
 
     name: str
-    scenario: Scenario
+    scenario: "Scenario"
     folder: Path
     module_folder: Path | None
 
@@ -32,6 +33,8 @@ def planned_runs(given: Sequence[str], settings: Sequence[str], folder: Path | N
     A single run has the run folder for itself, several have a folder each below it. Without a name they are
     skydiver, skydiver_2, ...
     """
+    from skydiver_utc.parameters.run_folder import new_run_folder
+
     names, sources = [], []
     for number, text in enumerate(given, 1):
         match = _NAMED.fullmatch(text)

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from skydiver_utc.cli.errors import CommandError
-from skydiver_utc.nodes import discovery
 
 # DDS derives its ports from the domain; above 101 they overlap with the ephemeral ports of Linux.
 _DOMAINS = range(1, 102)
@@ -31,6 +30,8 @@ def require_rclpy() -> None:
 
 def node_environment(base: Mapping[str, str]) -> dict[str, str]:
     """The caller's environment; where it does not set them, discovery on this machine only and a free domain."""
+    from skydiver_utc.nodes import discovery
+
     environment = _without_bootstrap(base)
     discovery.prepare(environment)
     domain = environment.get("ROS_DOMAIN_ID") or str(free_domain())

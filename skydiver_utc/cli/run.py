@@ -7,11 +7,11 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from skydiver_utc.analysis.errors import AnalysisError
+from skydiver_utc.cli import options
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.node_processes import (
     CONTROLLER,
@@ -24,14 +24,27 @@ from skydiver_utc.cli.node_processes import (
 )
 from skydiver_utc.cli.planned_runs import PlannedRun, planned_runs
 from skydiver_utc.cli.ros_environment import node_environment, require_rclpy
-from skydiver_utc.cli.run_status import RunStatus
 from skydiver_utc.cli.simulate import exit_code
-from skydiver_utc.parameters import to_yaml
-from skydiver_utc.parameters.exit_codes import FAILED, STOPPED
-from skydiver_utc.recording.errors import RecordingError
-from skydiver_utc.recording.metadata import METADATA_FILE, message_count
+from skydiver_utc.errors import FAILED, STOPPED, AnalysisError, RecordingError
+
+if TYPE_CHECKING:
+    from skydiver_utc.cli.run_status import RunStatus
 
 
+@click.command(epilog=options.EXIT_CODES, short_help="Run SCENARIO over ROS 2, recorded.")
+@click.argument("scenarios", metavar="[NAME=]SCENARIO...", nargs=-1, required=True)
+@options.settings
+@click.option(
+    "--out", "folder", type=options.PATH, metavar="FOLDER",
+    help="The run folder, instead of a new one below bags/.",
+)  # fmt: skip
+@click.option("--real-time", is_flag=True, help="Step by the clock instead of waiting for each command.")
+@click.option(
+    "--delay-steps", default=0, show_default=True, type=options.Count(0, 50),
+    help="Let the controller predict the state so many steps ahead; a real-time command acts one step later.",
+)  # fmt: skip
+@options.as_json
+@options.quiet
 def run(
     scenarios: Sequence[str],
     settings: Sequence[str],
@@ -41,7 +54,15 @@ def run(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Run and record all scenarios side by side, print their metrics; returns the exit code."""
+    """Run SCENARIO over ROS 2, recorded.
+
+    Several scenarios run side by side, each in a namespace with its own clock topic and its own run folder. NAME is
+    the namespace, as in anna=turn_360_left; without it: skydiver, skydiver_2 and so on.
+
+    Starts plant, reference, controller and recorder as processes of their own, on a ROS domain of its own
+    unless ROS_DOMAIN_ID is set. The run folder holds the bag, the scenario, metrics.json, tracking.png and
+    report.html.
+    """
     require_rclpy()
     environment = node_environment(os.environ)
     planned = planned_runs(scenarios, settings, folder)
@@ -65,7 +86,7 @@ def run(
 class _NodesOfRun:
     """The nodes of one run, and the reports of its plant."""
 
-    def __init__(self, planned: PlannedRun, nodes: NodeProcesses, status: RunStatus) -> None:
+    def __init__(self, planned: PlannedRun, nodes: NodeProcesses, status: "RunStatus") -> None:
         self.planned, self.nodes = planned, nodes
         self.failed: str | None = None  # the node whose failure ended the run
         self._status = status
@@ -128,6 +149,9 @@ def _run(
     delay_steps: int,
 ) -> None:
     """Start the nodes, follow the runs to their ends, end the nodes."""
+    from skydiver_utc.cli.run_status import RunStatus
+    from skydiver_utc.parameters import to_yaml
+
     with ExitStack() as stack:
         scratch = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="skydiver_utc_")))
         status = stack.enter_context(RunStatus({run.name: run.scenario for run in planned}, quiet))
@@ -152,6 +176,8 @@ def _run(
 
 def recording_state(folder: Path) -> str:
     """The files of a run folder, and the command that reads them."""
+    from skydiver_utc.recording.metadata import METADATA_FILE, message_count
+
     if (folder / METADATA_FILE).is_file():
         if message_count(folder) == 0:
             return f"nothing was recorded yet, {folder} can be deleted"
@@ -167,7 +193,7 @@ def _indented(lines: Sequence[str]) -> str:
 
 def _analyse(planned: Sequence[PlannedRun], as_json: bool) -> int:
     """Analyse each run; of several, print one JSON object by name."""
-    from skydiver_utc.cli.analyse import analyse, examine
+    from skydiver_utc.cli.analyse import examine, examine_and_show
 
     code = 0
     by_name: dict[str, Any] = {}
@@ -176,7 +202,7 @@ def _analyse(planned: Sequence[PlannedRun], as_json: bool) -> int:
             if as_json and len(planned) > 1:
                 flight, by_name[each.name] = examine(each.folder)
             else:
-                flight = analyse(each.folder, as_json)
+                flight = examine_and_show(each.folder, as_json)
         except (AnalysisError, RecordingError) as error:
             raise CommandError(f"the run has ended but cannot be analysed: {error}", FAILED) from error
         if not as_json:

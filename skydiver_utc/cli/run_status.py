@@ -15,7 +15,7 @@ from typing_extensions import Self
 from skydiver_utc.analysis.units import shown
 from skydiver_utc.cli.errors import printable
 from skydiver_utc.cli.screen import table
-from skydiver_utc.loop.registry import build_reference
+from skydiver_utc.loop.build import build_reference
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.parameters.registry import factory
 from skydiver_utc.references.live import Live as LiveReference

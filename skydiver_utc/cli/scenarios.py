@@ -1,15 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``skydiver-utc scenarios``."""
+"""``skydiver-utc scenarios``: the scenarios of the package."""
 
 import json
 
+import click
+
+from skydiver_utc.cli import options
 from skydiver_utc.cli.errors import CommandError
-from skydiver_utc.parameters import load_scenario, to_yaml
-from skydiver_utc.parameters.loading import scenario_titles
 
 
+@click.command(short_help="List the scenarios, or show one.")
+@click.option("--show", metavar="SCENARIO", help="Print all settings of this scenario as YAML.")
+@options.as_json
 def scenarios(show: str | None, as_json: bool) -> None:
-    """Print name and title of every scenario, or all settings of one."""
+    """List the scenarios that come with the package, or show one with all its settings."""
+    from skydiver_utc.parameters import load_scenario, to_yaml
+    from skydiver_utc.parameters.loading import scenario_titles
+
     if show is not None:
         if as_json:
             raise CommandError("--show prints YAML: leave out --json")

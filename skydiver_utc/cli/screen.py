@@ -1,29 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Progress bars on stderr, metrics on stdout."""
+"""Progress bars on stderr, metrics on stdout; rich is imported when something is shown."""
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rich.cells import cell_len
-from rich.console import Console
-from rich.measure import Measurement
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.table import Table
-from rich.text import Text
-
-from skydiver_utc.analysis.labels import missing, rows
 from skydiver_utc.cli.errors import printable
-from skydiver_utc.parameters import Scenario
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, ProgressColumn
+    from rich.table import Table
+
+    from skydiver_utc.parameters import Scenario
 
 Progressed = Callable[[int, int], None]  # called with (steps done, steps in all)
 # Wider than any table [columns].
@@ -31,8 +20,10 @@ _WIDEST = 1000
 
 
 @contextmanager
-def run_progress(scenario: Scenario, quiet: bool) -> Iterator[Progressed]:
+def run_progress(scenario: "Scenario", quiet: bool) -> Iterator[Progressed]:
     """A bar for the steps of a run; none when quiet or when stderr is no terminal."""
+    from rich.progress import TextColumn
+
     columns = (
         TextColumn("{task.percentage:>3.0f} %"),
         TextColumn("{task.fields[done]:.1f} of {task.fields[whole]:g} s simulated"),
@@ -50,12 +41,17 @@ def count_progress(description: str, total: int, quiet: bool) -> Iterator[Callab
 
     None when quiet or when stderr is no terminal.
     """
+    from rich.progress import MofNCompleteColumn, TimeRemainingColumn
+
     with _bars((MofNCompleteColumn(), TimeRemainingColumn()), quiet) as bars:
         task = bars.add_task(description, total=total)
         yield lambda done, now=None: bars.update(task, completed=done, description=now)
 
 
-def _bars(columns: Sequence[ProgressColumn], quiet: bool) -> Progress:
+def _bars(columns: Sequence["ProgressColumn"], quiet: bool) -> "Progress":
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
     console = Console(stderr=True)
     every = (TextColumn("{task.description}", markup=False), BarColumn(), *columns, TimeElapsedColumn())
     # Older versions of rich end a disabled bar with an empty line.
@@ -63,15 +59,18 @@ def _bars(columns: Sequence[ProgressColumn], quiet: bool) -> Progress:
     return Progress(*every, console=console, transient=True, disable=console.quiet)
 
 
-def table(title: str, *columns: str, **options: Any) -> Table:
+def table(title: str, *columns: str, **options: Any) -> "Table":
     """A table; a column whose heading begins with ">" is set to the right."""
+    from rich.table import Table
+    from rich.text import Text
+
     made = Table(title=Text(title) if title else None, title_justify="left", title_style="bold", **options)
     for column in columns:
         made.add_column(column.removeprefix(">"), justify="right" if column.startswith(">") else "left")
     return made
 
 
-def facts(title: str = "", **options: Any) -> Table:
+def facts(title: str = "", **options: Any) -> "Table":
     """A table of three columns without headings: a name, a value, and its unit or a remark."""
     made = table(title, show_header=False, **options)
     made.add_column(no_wrap=True)
@@ -87,6 +86,9 @@ def numbers(values: Iterable[float], digits: int) -> str:
 
 def show_lines(*lines: str, style: str = "") -> None:
     """Print lines on stdout, however long."""
+    from rich.console import Console
+    from rich.text import Text
+
     for line in lines:
         Console().print(Text(printable(line), style=style), soft_wrap=True)
 
@@ -101,6 +103,10 @@ def show_json_or(values: Mapping[str, Any], as_json: bool, show: Callable[[dict[
 
 def show_metrics(values: dict[str, Any], title: str) -> None:
     """Print the metrics as a table."""
+    from rich.text import Text
+
+    from skydiver_utc.analysis.labels import missing, rows
+
     made = facts(title)
     style = "green" if values["outcome"] == "completed" else "red"
     made.add_row("outcome", Text(values["outcome"], style=style), "")
@@ -110,8 +116,12 @@ def show_metrics(values: dict[str, Any], title: str) -> None:
     show_lines(*filter(None, (values["reason"], missing(values))))
 
 
-def show_tables(*tables: Table) -> None:
+def show_tables(*tables: "Table") -> None:
     """Print tables on stdout; on a narrow screen lines get too long, but no word is cut."""
+    from rich.cells import cell_len
+    from rich.console import Console
+    from rich.measure import Measurement
+
     console = Console()
     for each in tables:
         for column in each.columns:

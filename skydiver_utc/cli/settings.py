@@ -3,20 +3,25 @@
 
 import re
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from skydiver_utc.cli.errors import CommandError
-from skydiver_utc.parameters import ParameterError, Scenario, SkydiverSettings, load_scenario
-from skydiver_utc.parameters.yaml_io import parse_yaml
+from skydiver_utc.errors import ParameterError
+
+if TYPE_CHECKING:
+    from skydiver_utc.parameters import Scenario
 
 _NAME = re.compile(r"[A-Za-z_]\w*(\.\w+)*")
 
 
-def load(scenario: str, settings: Sequence[str]) -> Scenario:
+def load(scenario: str, settings: Sequence[str]) -> "Scenario":
     """The scenario with its overrides; of one name given twice the last counts."""
+    from skydiver_utc.parameters import load_scenario
+
     return load_scenario(scenario, dict(map(parse_setting, settings)))
 
 
-def load_skydiver(scenario: str, settings: Sequence[str]) -> Scenario:
+def load_skydiver(scenario: str, settings: Sequence[str]) -> "Scenario":
     """The same; a scenario with another plant is refused."""
     try:
         loaded = load(scenario, settings)
@@ -28,7 +33,9 @@ def load_skydiver(scenario: str, settings: Sequence[str]) -> Scenario:
     return loaded
 
 
-def _refuse_other_plants(loaded: Scenario) -> None:
+def _refuse_other_plants(loaded: "Scenario") -> None:
+    from skydiver_utc.parameters import SkydiverSettings
+
     if not isinstance(loaded.plant, SkydiverSettings):
         raise CommandError(
             f"this command is for the skydiver, the plant of {loaded.name} is {loaded.plant.kind}:"
@@ -38,6 +45,8 @@ def _refuse_other_plants(loaded: Scenario) -> None:
 
 def parse_setting(setting: str) -> tuple[str, object]:
     """Name and value of ``NAME=VALUE``; the value is YAML: 50 and 50.0 are numbers, [0, 5] is a list."""
+    from skydiver_utc.parameters.yaml_io import parse_yaml
+
     name, equals, text = (part.strip() for part in setting.partition("="))
     if not equals or not _NAME.fullmatch(name) or "\n" in text:
         raise ParameterError(

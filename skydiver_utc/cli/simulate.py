@@ -3,30 +3,41 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from skydiver_utc.analysis.metrics import metrics, to_json
+import click
+
+from skydiver_utc.cli import options
 from skydiver_utc.cli.outputs import check_figure_path, form_of
 from skydiver_utc.cli.screen import run_progress, show_metrics
 from skydiver_utc.cli.settings import load
-from skydiver_utc.loop.closed_loop import simulate as run_scenario
-from skydiver_utc.loop.outcome import REACHED_THE_END
-from skydiver_utc.loop.run import Run
-from skydiver_utc.parameters import Scenario
-from skydiver_utc.parameters.exit_codes import FAILED
-from skydiver_utc.parameters.files import write_file
+from skydiver_utc.errors import FAILED
+
+if TYPE_CHECKING:
+    from skydiver_utc.loop.run import Run
+    from skydiver_utc.parameters import Scenario
 
 
+@click.command(
+    cls=options.Computing, epilog=options.EXIT_CODES, short_help="Run SCENARIO in this process, without ROS."
+)
+@options.scenario
+@options.settings
+@click.option(
+    "--figure", type=options.PATH, metavar="FILE.png", help="Draw the run into this PNG, SVG or PDF file."
+)
+@options.as_json
+@options.quiet
 def simulate(scenario: str, settings: Sequence[str], figure: Path | None, as_json: bool, quiet: bool) -> int:
-    """Run, print the metrics, draw the figure; returns the exit code."""
+    """Run SCENARIO in this process, without ROS and without a recording."""
     loaded = load(scenario, settings)
     check_figure_path(figure)
     run, values = fly(loaded, loaded.title or loaded.name, as_json, quiet)
     if figure is not None:
-        # matplotlib is imported only for a figure.
         from skydiver_utc.analysis.figures import tracking_figure
         from skydiver_utc.analysis.style import picture
         from skydiver_utc.analysis.validation_figure import validation_figure
+        from skydiver_utc.parameters.files import write_file
 
         write_file(figure, picture(tracking_figure(run), form_of(figure)))
         if "estimation" in values:
@@ -35,10 +46,13 @@ def simulate(scenario: str, settings: Sequence[str], figure: Path | None, as_jso
     return exit_code(run)
 
 
-def fly(scenario: Scenario, title: str, as_json: bool, quiet: bool) -> tuple[Run, dict[str, Any]]:
+def fly(scenario: "Scenario", title: str, as_json: bool, quiet: bool) -> tuple["Run", dict[str, Any]]:
     """Run a scenario and print its metrics under a title, or as JSON."""
+    from skydiver_utc.analysis.metrics import metrics, to_json
+    from skydiver_utc.loop.closed_loop import simulate
+
     with run_progress(scenario, quiet) as progress:
-        run = run_scenario(scenario, progress)
+        run = simulate(scenario, progress)
     values = metrics(run)
     if as_json:
         print(to_json(values))
@@ -47,6 +61,8 @@ def fly(scenario: Scenario, title: str, as_json: bool, quiet: bool) -> tuple[Run
     return run, values
 
 
-def exit_code(run: Run) -> int:
+def exit_code(run: "Run") -> int:
     """0 for a run that reached its end."""
+    from skydiver_utc.loop.outcome import REACHED_THE_END
+
     return 0 if run.outcome in REACHED_THE_END else FAILED

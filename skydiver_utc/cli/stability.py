@@ -4,12 +4,12 @@
 from collections.abc import Sequence
 from typing import Any
 
-from rich.text import Text
+import click
 
+from skydiver_utc.cli import options
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.screen import facts, show_json_or, show_lines, show_tables, table
 from skydiver_utc.cli.settings import load_skydiver
-from skydiver_utc.studies.linear_theory import of_linear_plant, of_skydiver, report
 
 _OF_BALL = {
     "radius": "radius R",
@@ -19,10 +19,32 @@ _OF_BALL = {
 }
 
 
+@click.command(
+    cls=options.Computing, short_help="Whether UTC is stable around a steady fall, or on a linear plant."
+)
+@click.argument("scenario", metavar="[SCENARIO]", default="fast_turn_unknown_dynamics")
+@click.option(
+    "--plant", metavar="NAME|FILE.yaml", help="A linear plant instead, see config/linear_plants/admire.yaml."
+)
+@click.option(
+    "--alpha", default=0.0, show_default=True, type=options.number, metavar="RAD",
+    help="Pattern angle [rad] of the steady turn; 0: the straight fall.",
+)  # fmt: skip
+@click.option(
+    "--steps", type=options.Count(1, 500), help="Prediction steps, instead of those of the settings."
+)
+@options.settings
+@options.as_json
 def stability(
     scenario: str, plant: str | None, settings: Sequence[str], alpha: float, steps: int | None, as_json: bool
 ) -> None:
-    """Analyse one loop and print it."""
+    """Linear theory of UTC: closed-loop eigenvalues, Riccati margin, and the ball of a bounded nonlinearity.
+
+    Around the skydiver's straight fall, or the steady turn at --alpha, of SCENARIO, which must fly UTC with held
+    controls (without it: fast_turn_unknown_dynamics); or on a linear plant. Bounds of the controls are left out.
+    """
+    from skydiver_utc.studies.linear_theory import of_linear_plant, of_skydiver, report
+
     if plant is not None:
         if settings or alpha:
             raise CommandError(
@@ -36,6 +58,8 @@ def stability(
 
 
 def _show(values: dict[str, Any]) -> None:
+    from rich.text import Text
+
     verdict, style = ("stable", "green") if values["stable"] else ("unstable", "red")
     measured = values["measured_decay"]
     made = facts()

@@ -4,43 +4,75 @@
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.text import Text
+import click
 
+from skydiver_utc.cli import options
 from skydiver_utc.cli.outputs import prepare_folder
 from skydiver_utc.cli.screen import count_progress, table
 from skydiver_utc.cli.settings import load_skydiver
-from skydiver_utc.studies.sensitivity import (
-    calibrations,
-    fly_calibrations,
-    sensitivity_section,
-    write_sensitivity,
-)
-from skydiver_utc.studies.tuning import check_tunable, tune
-from skydiver_utc.studies.tuning_files import summaries_to_json, write_study
-from skydiver_utc.studies.tuning_page import count_rows, head, influence_rows
-from skydiver_utc.studies.tuning_summary import TuningSummary, summarise
+from skydiver_utc.cli.study_run import run_study, show_run
+
+if TYPE_CHECKING:
+    from skydiver_utc.studies.tuning_summary import TuningSummary
 
 
-def study_tuning(
+@click.group()
+def study() -> None:
+    """Answer one question with many runs."""
+
+
+study.add_command(run_study, "run")
+study.add_command(show_run, "show")
+
+
+@study.command(cls=options.Computing, short_help="Run with random covariances.")
+@click.option(
+    "--scenario", "names", multiple=True, show_default=True,
+    default=(
+        "fast_turn_unknown_dynamics", "fast_turn_pi_dynamics",
+        "fast_turn_unknown_dynamics_insensitive", "fast_turn_pi_dynamics_insensitive",
+    ),
+    metavar="SCENARIO", help="What is tuned. Repeatable.",
+)  # fmt: skip
+@options.settings
+@click.option(
+    "--factor", "reaches", multiple=True, default=(3.0,), show_default=True,
+    type=options.Factor(1.0, 100.0, min_open=True),
+    help="Largest factor on a covariance, and the inverse of the smallest. Repeatable.",
+)  # fmt: skip
+@click.option("--count", default=200, show_default=True, type=options.Count(2), help="Tunings per scenario.")
+@click.option("--seed", default=1, show_default=True, type=options.Count(0), help="Seed of the tunings.")
+@options.out_folder
+@options.workers
+@options.as_json
+@options.quiet
+def tuning(
     names: Sequence[str],
     settings: Sequence[str],
     reaches: Sequence[float],
     count: int,
     seed: int,
     out: Path | None,
-    jobs: int,
+    workers: int,
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Run each scenario with the same random tunings, write the results to `out`, print the summary."""
+    """Run SCENARIO with random tunings: each covariance times a factor of its own, log-uniform.
+
+    FOLDER receives tuning.json, tuning.png and a table of every run.
+    """
+    from skydiver_utc.studies.tuning import check_tunable, tune
+    from skydiver_utc.studies.tuning_files import summaries_to_json, write_study
+    from skydiver_utc.studies.tuning_summary import summarise
+
     scenarios = [check_tunable(load_skydiver(name, settings)) for name in names]
     prepare_folder(out)
     tunings = []
     for scenario, reach in product(scenarios, reaches):
         with count_progress(f"{scenario.name}, factor {reach:g}", count + 1, quiet) as done:
-            tunings.append(tune(scenario, reach, count, seed, jobs, done))
+            tunings.append(tune(scenario, reach, count, seed, workers, done))
     summaries = [summarise(one) for one in tunings]
     if out is not None:
         write_study(out, tunings, summaries)
@@ -50,17 +82,36 @@ def study_tuning(
         _show(summaries)
 
 
-def study_sensitivity(out: Path | None, jobs: int, quiet: bool) -> None:
-    """Fly the paper's configurations on plants with other numbers, write and print what is left of the results."""
+@study.command(cls=options.Computing, short_help="Run on plants with other numbers.")
+@options.out_folder
+@options.workers
+@options.quiet
+def sensitivity(out: Path | None, workers: int, quiet: bool) -> None:
+    """Run the paper's configurations with the plant's calibrated numbers 10 % off, one by one and all at once.
+
+    FOLDER receives sensitivity.json. Takes some ten minutes.
+    """
+    from skydiver_utc.studies.sensitivity import (
+        calibrations,
+        fly_calibrations,
+        sensitivity_section,
+        write_sensitivity,
+    )
+
     prepare_folder(out)
     with count_progress("calibrations and runs", 7 * len(calibrations()), quiet) as done:
-        found = fly_calibrations(jobs, done)
+        found = fly_calibrations(workers, done)
     if out is not None:
         write_sensitivity(out, found)
     print(sensitivity_section(found))
 
 
-def _show(summaries: Sequence[TuningSummary]) -> None:
+def _show(summaries: "Sequence[TuningSummary]") -> None:
+    from rich.console import Console
+    from rich.text import Text
+
+    from skydiver_utc.studies.tuning_page import count_rows, head, influence_rows
+
     for title, rows in (
         ("Random tunings", count_rows(summaries)),
         ("Rank correlation of each factor with the RMSE", influence_rows(summaries)),

@@ -4,27 +4,59 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from skydiver_utc.cli import options
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.outputs import prepare_folder
 from skydiver_utc.cli.screen import count_progress, show_lines
 from skydiver_utc.cli.simulate import exit_code, fly
-from skydiver_utc.parameters import to_yaml
-from skydiver_utc.parameters.exit_codes import FAILED
-from skydiver_utc.parameters.files import write_file
-from skydiver_utc.studies.flights import Flown, Plan, StudyStoppedError, Tally, fly_study, kept_of
-from skydiver_utc.studies.ledger import FAILED as FAILED_RUN
-from skydiver_utc.studies.ledger import FILE, ledger
-from skydiver_utc.studies.study import load_study
-from skydiver_utc.studies.study_report import REPORT, write_report
+from skydiver_utc.errors import FAILED
+
+if TYPE_CHECKING:
+    from skydiver_utc.studies.flights import Plan, Tally
+
+_EXIT_CODES = """\b
+exit code
+    0  every run ended, whatever its outcome
+    1  some runs failed, or a worker or the scheduler ended: the same command continues
+    2  the input is wrong: one sentence says why, nothing was started
+  130  stopped with Ctrl-C: the same command continues
+"""
+_out = click.option(
+    "--out", type=options.PATH, metavar="FOLDER", help="The study's folder, instead of studies/ and its name."
+)
 
 
+@click.command(
+    cls=options.Computing, epilog=_EXIT_CODES, short_help="Fly the runs of STUDY that are missing."
+)
+@click.argument("study", metavar="STUDY")
+@_out
+@options.workers
+@click.option("--scheduler", metavar="ADDRESS", default="", help="Fly on this Dask cluster instead.")
+@click.option(
+    "--until", type=click.FloatRange(0.0, 1.0, min_open=True), metavar="WIDTH",
+    help="Stop when the 95 % interval of each case's share of successes is this narrow.",
+)  # fmt: skip
+@options.quiet
 def run_study(
     study: str, out: Path | None, workers: int, scheduler: str, until: float | None, quiet: bool
 ) -> int:
-    """Fly what is missing, write and name the report; returns the exit code."""
+    """Fly the runs of STUDY that its folder does not hold yet, and write the report.
+
+    STUDY is a name below config/studies, or the path of a YAML file. FOLDER receives ledger.sqlite, in which every run
+    stands as soon as it has ended, report.md with its figure, and runs.parquet (runs.csv without pyarrow). The same
+    command continues a study that was interrupted.
+    """
+    from skydiver_utc.studies.flights import Plan, StudyStoppedError, fly_study
+    from skydiver_utc.studies.ledger import FAILED as FAILED_RUN
+    from skydiver_utc.studies.ledger import FILE, ledger
+    from skydiver_utc.studies.study import load_study
+    from skydiver_utc.studies.study_report import REPORT, write_report
+
     plan = Plan(load_study(study))
     plan.check()
     folder = _folder(plan, out)
@@ -44,8 +76,24 @@ def run_study(
     return FAILED if failed else 0
 
 
+@click.command(cls=options.Computing, epilog=options.EXIT_CODES, short_help="Fly one run of a study again.")
+@click.argument("study", metavar="STUDY")
+@click.argument("number", metavar="RUN", type=options.Count(0))
+@_out
+@click.option("--record", is_flag=True, help="Fly it over ROS 2 and record it, as `skydiver-utc run` does.")
+@options.as_json
+@options.quiet
 def show_run(study: str, number: int, out: Path | None, record: bool, as_json: bool, quiet: bool) -> int:
-    """Fly a run again, print its metrics, and compare them with the ledger's; returns the exit code."""
+    """Fly one RUN of STUDY, by its number, again: the same numbers as in the ledger, bit for bit.
+
+    FOLDER receives the resolved scenario as run_RUN.yaml.
+    """
+    from skydiver_utc.parameters import to_yaml
+    from skydiver_utc.parameters.files import write_file
+    from skydiver_utc.studies.flights import Flown, Plan, kept_of
+    from skydiver_utc.studies.ledger import FILE, ledger
+    from skydiver_utc.studies.study import load_study
+
     plan = Plan(load_study(study))
     folder = _folder(plan, out)
     if not (folder / FILE).is_file():
@@ -61,7 +109,10 @@ def show_run(study: str, number: int, out: Path | None, record: bool, as_json: b
     if record:
         from skydiver_utc.cli.run import run
 
-        return run([str(path)], (), None, False, 0, as_json, quiet)
+        code: int = click.get_current_context().invoke(
+            run, scenarios=[str(path)], as_json=as_json, quiet=quiet
+        )
+        return code
     flown, _ = fly(scenario, f"{plan.study.name}, run {number}: {row.case}, {row.sample}", as_json, quiet)
     if kept_of(plan.study, Flown.of(flown)) != row.metrics:
         click.echo(
@@ -71,17 +122,17 @@ def show_run(study: str, number: int, out: Path | None, record: bool, as_json: b
     return exit_code(flown)
 
 
-def _folder(plan: Plan, out: Path | None) -> Path:
+def _folder(plan: "Plan", out: Path | None) -> Path:
     return out or Path("studies") / plan.study.name
 
 
 @contextmanager
-def _progress(plan: Plan, quiet: bool) -> Iterator[Callable[[Tally], None]]:
+def _progress(plan: "Plan", quiet: bool) -> Iterator["Callable[[Tally], None]"]:
     """A bar with the number of runs, the shares of their outcomes, and the widest interval of a success."""
     total = sum(1 for _ in plan.design.numbers())
     with count_progress(plan.study.name, total, quiet) as bar:
 
-        def show(tally: Tally) -> None:
+        def show(tally: "Tally") -> None:
             shares = ", ".join(
                 f"{100.0 * n / tally.done:.0f} % {end}" for end, n in tally.outcomes.most_common()
             )

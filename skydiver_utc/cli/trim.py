@@ -2,21 +2,34 @@
 """``skydiver-utc trim``: the straight fall of a posture, its modes and its turning."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
-from rich.text import Text
+import click
 
+from skydiver_utc.cli import options
 from skydiver_utc.cli.screen import facts, numbers, run_progress, show_json_or, show_lines, show_tables, table
 from skydiver_utc.cli.settings import load_skydiver
-from skydiver_utc.parameters import Scenario
-from skydiver_utc.plants.skydiver.fall_report import fall_report
-from skydiver_utc.plants.skydiver.trim import in_straight_fall
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from skydiver_utc.parameters import Scenario
 
 # Accelerations [m/s2, rad/s2] below this are rounding errors.
 _ROUNDING = 1e-12
 
 
+@click.command(
+    cls=options.Computing, short_help="Find the straight fall of POSTURE, its modes and its turning."
+)
+@click.argument("posture", metavar="[POSTURE]", required=False)
+@options.within
+@options.settings
+@click.option(
+    "--reachable", is_flag=True, help="Also find the largest amplitude of the fast turn that is tracked."
+)
+@options.as_json
+@options.quiet
 def trim(
     posture: str | None,
     scenario: str,
@@ -25,7 +38,16 @@ def trim(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Find the straight fall and print its properties."""
+    """Find the straight fall of POSTURE, linearise it, and show how it turns.
+
+    POSTURE is a name below config/postures; --set plant.subject=NAME chooses who falls. The scenario's own posture,
+    which is also taken without POSTURE, is first moved, by as little as it takes, to fall straight down at the
+    scenario's initial pitch; any other posture is held as it is and may glide. The fast turns of --reachable
+    (0.2 Hz, UTC, about a minute of runs) start from the straight fall of the posture, moved so in either case.
+    """
+    from skydiver_utc.plants.skydiver.fall_report import fall_report
+    from skydiver_utc.plants.skydiver.trim import in_straight_fall
+
     chosen = [] if posture is None else [f"plant.posture={posture}"]
     loaded = load_skydiver(scenario, [*chosen, *settings])
     if posture is None or loaded.plant.posture == load_skydiver(scenario, settings).plant.posture:
@@ -36,10 +58,10 @@ def trim(
     show_json_or(values, as_json, _show)
 
 
-def _reachable(scenario: Scenario, quiet: bool) -> int:
+def _reachable(scenario: "Scenario", quiet: bool) -> int:
     from skydiver_utc.studies.reachable import reachable_amplitude, tracked
 
-    def is_tracked(turn: Scenario) -> bool:
+    def is_tracked(turn: "Scenario") -> bool:
         with run_progress(turn, quiet) as progress:
             return tracked(turn, progress)
 
@@ -55,7 +77,7 @@ def _show(values: dict[str, Any]) -> None:
         show_lines(f"also falls {other['facing']} at {other['speed_m_s']:.1f} m/s, {stable} in pitch")
 
 
-def _table_of_fall(values: dict[str, Any]) -> Table:
+def _table_of_fall(values: dict[str, Any]) -> "Table":
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = values["inertia_kg_m2"]
     glide = numbers([values["glide_angle_deg"]], 2)
     # A glide of nothing points where rounding errors point.
@@ -81,7 +103,9 @@ def _table_of_fall(values: dict[str, Any]) -> Table:
     return made
 
 
-def _table_of_modes(values: dict[str, Any]) -> Table:
+def _table_of_modes(values: dict[str, Any]) -> "Table":
+    from rich.text import Text
+
     made = table(f"Modes at Cm_damp_yaw = {values['Cm_damp_yaw']:g}", "mode", show_edge=False)
     for unit in ("eigenvalue\n1/s", "time\nconst. s", "frequency\nHz", "damping\nratio"):
         made.add_column(unit, justify="right", no_wrap=True)
@@ -98,7 +122,7 @@ def _table_of_modes(values: dict[str, Any]) -> Table:
     return made
 
 
-def _table_of_turning(values: dict[str, Any]) -> Table:
+def _table_of_turning(values: dict[str, Any]) -> "Table":
     turning = values["turning"]
     title = f"Steady yaw rate, deg/s; at once {numbers([turning['yaw_acceleration_rad_s2']], 2)} rad/s2"
     alphas = (f">alpha\n{alpha:g} rad" for alpha in turning["alpha_rad"])

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from skydiver_utc.controllers.protocol import Controller
+from skydiver_utc.loop.build import build_controller, build_estimator, build_reference, model_beside
 from skydiver_utc.loop.decisions import Decider
 from skydiver_utc.loop.plant_steps import PlantSteps
-from skydiver_utc.loop.registry import build_controller, build_estimator, build_reference, model_beside
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plants.protocol import Plant

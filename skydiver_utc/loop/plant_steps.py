@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.estimators.protocol import Reading
+from skydiver_utc.loop.build import build_disturbances, build_sensors, build_true_plant
 from skydiver_utc.loop.outcome import Outcome, OutcomeMonitor
-from skydiver_utc.loop.registry import build_disturbances, build_sensors, build_true_plant
 from skydiver_utc.parameters import Scenario
 
 Array = NDArray[np.float64]

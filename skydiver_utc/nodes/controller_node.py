@@ -18,8 +18,7 @@ from skydiver_utc.controllers.protocol import Controller, Status
 from skydiver_utc.estimators.consistency import consistency
 from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.estimators.sensor_models import SensorOfPlant
-from skydiver_utc.loop.decisions import Decider
-from skydiver_utc.loop.registry import (
+from skydiver_utc.loop.build import (
     build_controller,
     build_disturbances,
     build_estimator,
@@ -29,6 +28,7 @@ from skydiver_utc.loop.registry import (
     model_beside,
     preview_steps,
 )
+from skydiver_utc.loop.decisions import Decider
 from skydiver_utc.loop.tuned_scenario import TunedScenario
 from skydiver_utc.messages import (
     MessageError,

@@ -14,8 +14,8 @@ from rclpy.lifecycle.managed_entity import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.timer import Timer
 
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.parameters import ParameterError
-from skydiver_utc.recording.errors import RecordingError
 
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
 

@@ -14,7 +14,7 @@ from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
-from skydiver_utc.loop.registry import build_reference, build_true_plant
+from skydiver_utc.loop.build import build_reference, build_true_plant
 from skydiver_utc.messages import MessageError, StepGrid, read_named, read_state
 from skydiver_utc.nodes import topics
 from skydiver_utc.parameters import ParameterError, Scenario, from_yaml

@@ -12,6 +12,7 @@ from typing import Any
 from rclpy.timer import Timer
 from std_msgs.msg import String
 
+from skydiver_utc.errors import FAILED
 from skydiver_utc.loop.outcome import REACHED_THE_END, Outcome
 from skydiver_utc.loop.plant_steps import PlantSteps
 from skydiver_utc.loop.real_time import CommandAccount, Neutral, RealTimePace
@@ -24,7 +25,6 @@ from skydiver_utc.nodes.plant_display import PlantDisplay
 from skydiver_utc.nodes.plant_topics import PlantTopics
 from skydiver_utc.nodes.process import run
 from skydiver_utc.parameters import to_yaml
-from skydiver_utc.parameters.exit_codes import FAILED
 
 _PROGRESS_PERIOD_S = 0.5
 _LAST_ACKNOWLEDGEMENT_S = 10.0  # the subscribers may need what they missed a second time

@@ -13,9 +13,8 @@ from contextlib import suppress
 from functools import partial
 from types import FrameType
 
+from skydiver_utc.errors import REFUSED, ParameterError
 from skydiver_utc.nodes import discovery
-from skydiver_utc.parameters.errors import ParameterError
-from skydiver_utc.parameters.exit_codes import REFUSED
 from skydiver_utc.parameters.node_usage import usage
 
 _LOOK_S = 1.5  # discovery takes this long, on a busy machine longer

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from std_msgs.msg import String
 
+from skydiver_utc.errors import FAILED, RecordingError
 from skydiver_utc.messages import MessageError
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Health, Level
@@ -19,9 +20,7 @@ from skydiver_utc.nodes.run_monitor import RunMonitor
 from skydiver_utc.nodes.topics import RECORDED
 from skydiver_utc.nodes.versions import versions
 from skydiver_utc.parameters import to_yaml
-from skydiver_utc.parameters.exit_codes import FAILED
 from skydiver_utc.parameters.run_folder import SCENARIO_FILE, VERSIONS_FILE, new_run_folder
-from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.metadata import offered_qos
 from skydiver_utc.recording.schemas import message_schema
 from skydiver_utc.recording.writer import BagWriter

@@ -9,7 +9,7 @@ from typing import Any
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from skydiver_utc.loop.registry import build_plant, build_reference, preview_steps
+from skydiver_utc.loop.build import build_plant, build_reference, preview_steps
 from skydiver_utc.messages import StepGrid, fill_named, fill_preview, read_twist
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Health, Level

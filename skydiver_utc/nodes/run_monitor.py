@@ -8,13 +8,13 @@ from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.messages import MessageError
 from skydiver_utc.messages.texts import read_outcome, run_id_of
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.recorder_inputs import RawMessage
 from skydiver_utc.nodes.topics import Topic
-from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.stamps import leading_stamp_ns
 
 

@@ -5,6 +5,7 @@ They come from YAML below ``config/`` or from the user's own files; `load_scenar
 file that it names, checks types, bounds and names, and returns immutable objects.
 """
 
+from skydiver_utc.errors import ParameterError
 from skydiver_utc.parameters.body import (
     JointLimits,
     JointRange,
@@ -18,7 +19,6 @@ from skydiver_utc.parameters.body import (
     Subject,
     Suit,
 )
-from skydiver_utc.parameters.errors import ParameterError
 from skydiver_utc.parameters.fields import Parameters, SlotSettings, quantity, text
 from skydiver_utc.parameters.leaves import Leaf, leaves
 from skydiver_utc.parameters.loading import from_yaml, load_scenario, override, scenario_names, to_yaml

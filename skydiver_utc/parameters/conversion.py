@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from skydiver_utc.parameters.errors import MissingModuleError, ParameterError
+from skydiver_utc.errors import MissingModuleError, ParameterError
 from skydiver_utc.parameters.registry import settings_class
 from skydiver_utc.parameters.scenario import SLOTS, Scenario, laid_over
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 from typing_extensions import Self
 
+from skydiver_utc.errors import ParameterError
 from skydiver_utc.parameters.conversion import field_errors
-from skydiver_utc.parameters.errors import ParameterError
 from skydiver_utc.parameters.fields import Parameters, quantity, text
 from skydiver_utc.parameters.loading import config_folder
 from skydiver_utc.parameters.yaml_io import read_yaml

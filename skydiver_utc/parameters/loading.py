@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from skydiver_utc.errors import ParameterError
 from skydiver_utc.parameters.conversion import Unresolved, convert
-from skydiver_utc.parameters.errors import ParameterError
 from skydiver_utc.parameters.merging import merged
 from skydiver_utc.parameters.registry import refuse_other_code, search_modules_in
 from skydiver_utc.parameters.scenario import Scenario

@@ -5,8 +5,8 @@ import difflib
 from collections.abc import Mapping
 from typing import Annotated, Literal, NamedTuple
 
+from skydiver_utc.errors import ParameterError
 from skydiver_utc.parameters.conversion import checked
-from skydiver_utc.parameters.errors import ParameterError
 from skydiver_utc.parameters.fields import Parameters, quantity, text
 from skydiver_utc.parameters.leaves import leaves
 from skydiver_utc.parameters.loading import load_scenario

@@ -14,7 +14,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from skydiver_utc.parameters.errors import MissingModuleError, ParameterError
+from skydiver_utc.errors import MissingModuleError, ParameterError
 from skydiver_utc.parameters.fields import SlotSettings
 
 

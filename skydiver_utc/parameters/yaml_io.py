@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from skydiver_utc.parameters.errors import ParameterError
+from skydiver_utc.errors import ParameterError
 
 _TAG = "tag:yaml.org,2002:"
 _MERGE = f"{_TAG}merge"

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.parameters.nanoseconds import seconds, stamp_ns
-from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.number_table import numbers, refuse_twice, text_of
 from skydiver_utc.recording.opensim import ENDINGS, read_opensim

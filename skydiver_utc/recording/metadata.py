@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from skydiver_utc.parameters.errors import ParameterError
+from skydiver_utc.errors import ParameterError, RecordingError
 from skydiver_utc.parameters.yaml_io import load_yaml, write_yaml
-from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.mcap_file import StoredTopic
 
 METADATA_FILE = "metadata.yaml"

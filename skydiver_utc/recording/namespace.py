@@ -3,7 +3,7 @@
 
 from collections.abc import Iterable
 
-from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.errors import RecordingError
 
 DEFAULT_NAMESPACE = "/skydiver"
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.parameters.yaml_io import number
-from skydiver_utc.recording.errors import RecordingError
 
 _LARGEST_DEG = 180.0
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.parameters.nanoseconds import NANOSECONDS
-from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.reader import RecordedTopic
 

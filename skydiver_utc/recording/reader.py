@@ -12,7 +12,7 @@ from mcap.records import Channel, Schema, Statistics
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.mcap_file import LAST_TIME_NS
 from skydiver_utc.recording.metadata import HASH_KEY, QOS_KEY, mcap_files
 from skydiver_utc.recording.records import DAMAGE, MAGIC, Damaged, parts, unpacked

@@ -15,7 +15,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema, Statistics
 
-from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.errors import RecordingError
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEADER = struct.Struct("<BQ")  # opcode, length

@@ -14,8 +14,8 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Channel, McapRecord, Schema, Statistics
 
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.parameters.files import new_folder, write_file
-from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.mcap_file import Definition, McapFile, QueuedMessage, StoredTopic, span_with
 from skydiver_utc.recording.metadata import METADATA_FILE, message_count, metadata_yaml
 from skydiver_utc.recording.reader import bag_files

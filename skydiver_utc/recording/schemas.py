@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.errors import RecordingError
 
 _TYPE_NAME = re.compile(r"(?P<package>[a-z][a-z0-9_]*)/msg/(?P<message>[A-Z][A-Za-z0-9]*)")
 _SEPARATOR = "\n" + "=" * 80 + "\nMSG: "

@@ -3,8 +3,8 @@
 
 import struct
 
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.parameters.nanoseconds import NANOSECONDS
-from skydiver_utc.recording.errors import RecordingError
 
 _OFFSET = 4  # bytes of the encapsulation header, before sec (int32) and nanosec (uint32)
 _LITTLE_ENDIAN = struct.Struct("<iI")

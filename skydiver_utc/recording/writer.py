@@ -13,8 +13,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
 
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.parameters.files import write_file
-from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.mcap_file import Definition, McapFile, QueuedMessage, StoredTopic
 from skydiver_utc.recording.metadata import (
     HASH_KEY,

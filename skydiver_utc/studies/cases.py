@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.analysis.numbers import finite, largest, settled
+from skydiver_utc.loop.build import build_reference
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_reference
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Parameters, Scenario, load_scenario
 from skydiver_utc.studies.workers import executor
@@ -115,11 +115,11 @@ def whole(run: Run) -> Run:
 
 
 def run_all(
-    scenarios: Mapping[str, Scenario], keep: Callable[[Run], Kept], jobs: int, done: Done
+    scenarios: Mapping[str, Scenario], keep: Callable[[Run], Kept], workers: int, done: Done
 ) -> dict[str, Kept]:
-    """Run scenarios by name in `jobs` processes; what `keep` (a module's function) returns of each, in order."""
+    """Run scenarios by name in `workers` processes; what `keep` (a module's function) returns of each, in order."""
     kept: dict[str, Kept] = {}
-    with executor(jobs) as pool:
+    with executor(workers) as pool:
         names = {pool.submit(_run, scenario, keep): name for name, scenario in scenarios.items()}
         for count, future in enumerate(as_completed(names), 1):
             kept[names[future]] = future.result()

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from skydiver_utc.controllers.utc.settings import UtcSettings
-from skydiver_utc.loop.registry import build_plant
+from skydiver_utc.loop.build import build_plant
 from skydiver_utc.studies import paper_cases as flown
 from skydiver_utc.studies.cases import shipped
 from skydiver_utc.studies.claim import CLEARLY, Claim, Verdict, decided, judge, rmse_of

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
 from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
+from skydiver_utc.loop.build import build_reference
 from skydiver_utc.loop.linear_loop import measured_decay, simulated_distance
-from skydiver_utc.loop.registry import build_reference
 from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.parameters.linear_plant import load_linear_plant
 from skydiver_utc.parameters.skydiver import CONTROLS

@@ -5,8 +5,8 @@ import time
 
 import numpy as np
 
+from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Parameters
 from skydiver_utc.rotations import world_up
@@ -56,19 +56,19 @@ class PaperResults(Parameters):
         return self.measures[one.command]
 
 
-def run_comparison(quick: bool, jobs: int, done: Done) -> tuple[PaperResults, dict[str, Run]]:
+def run_comparison(quick: bool, workers: int, done: Done) -> tuple[PaperResults, dict[str, Run]]:
     """Run everything; also the runs of the paper's figures, whole, by the figures' names.
 
     A quick comparison has only the first `QUICK_S` of each run: it shows that everything works, not how well.
     """
     duration_s = QUICK_S if quick else None
     drawn = {label: one.load(duration_s) for label, one in FIGURES.items()}
-    runs = run_all(drawn, whole, jobs, done)
+    runs = run_all(drawn, whole, workers, done)
     in_figures = {one.command: label for label, one in FIGURES.items()}
     others = {
         command: one.load(duration_s) for command, one in all_cases().items() if command not in in_figures
     }
-    found = run_all(others, measure, jobs, lambda count: done(count + len(runs)))
+    found = run_all(others, measure, workers, lambda count: done(count + len(runs)))
     found |= {command: measure(runs[label]) for command, label in in_figures.items()}
     results = PaperResults(
         schema_version=2,

@@ -89,7 +89,7 @@ def changed(scenario: Scenario, factors: Mapping[str, float]) -> Scenario:
     return in_straight_fall(override(scenario, values)) if values else scenario
 
 
-def fly_calibrations(jobs: int, done: Done) -> list[Calibration]:
+def fly_calibrations(workers: int, done: Done) -> list[Calibration]:
     """Fly the three configurations, with and without hands, on every calibration."""
     configurations, scenarios = [one.load() for one in PAPER_UTC], {}
     wanted = calibrations()
@@ -99,7 +99,7 @@ def fly_calibrations(jobs: int, done: Done) -> list[Calibration]:
             scenarios[f"{name}/{k}"] = one.replace(plant=plant)
             scenarios[f"{name}/{k}/-"] = one.replace(plant=plant.replace(hands=plant.hands.replace(K_N=0.0)))
         done(count)
-    found = run_all(scenarios, measure, jobs, lambda count: done(len(wanted) + count))
+    found = run_all(scenarios, measure, workers, lambda count: done(len(wanted) + count))
     return [
         Calibration(
             changed=name,

@@ -68,11 +68,11 @@ def retuned(scenario: Scenario, factors: Sequence[float]) -> Scenario:
     )
 
 
-def tune(scenario: Scenario, reach: float, count: int, seed: int, jobs: int, done: Done) -> Tunings:
+def tune(scenario: Scenario, reach: float, count: int, seed: int, workers: int, done: Done) -> Tunings:
     """Run a scenario as it is, and with `count` random tunings."""
     factors = draw(count, seed, reach).tolist()
     scenarios = {str(i): retuned(scenario, row) for i, row in enumerate(factors)} | {_OWN: scenario}
-    kept = run_all(scenarios, measure, jobs, done)
+    kept = run_all(scenarios, measure, workers, done)
     return Tunings(
         scenario, reach, kept[_OWN], [Tuning(tuple(row), kept[str(i)]) for i, row in enumerate(factors)]
     )

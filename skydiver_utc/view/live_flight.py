@@ -13,9 +13,9 @@ from skydiver_utc.controllers.utc.tunable import Tunable
 from skydiver_utc.controllers.utc.unscented_transform_controller import UnscentedTransformController
 from skydiver_utc.disturbances.composed import Composed
 from skydiver_utc.disturbances.protocol import STILL_AIR, Disturbance
+from skydiver_utc.loop.build import build_controller, build_estimator, build_reference, model_beside
 from skydiver_utc.loop.decisions import Decider
 from skydiver_utc.loop.plant_steps import PlantSteps
-from skydiver_utc.loop.registry import build_controller, build_estimator, build_reference, model_beside
 from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.parameters.conversion import slot_settings
 from skydiver_utc.parameters.fields import SlotSettings

@@ -4,7 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.loop.registry import build_disturbances
+from skydiver_utc.loop.build import build_disturbances
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.view.live_signals import Instant, Signals

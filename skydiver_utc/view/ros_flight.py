@@ -6,7 +6,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.loop.registry import build_disturbances
+from skydiver_utc.loop.build import build_disturbances
 from skydiver_utc.nodes.observed_run import ObservedRun
 from skydiver_utc.view.live_signals import Instant, Signals
 

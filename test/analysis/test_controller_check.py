@@ -15,8 +15,8 @@ from skydiver_utc.analysis.controller_check import check
 from skydiver_utc.analysis.recorded_run import RecordedRun
 from skydiver_utc.cli.main import main
 from skydiver_utc.controllers.protocol import Controller
+from skydiver_utc.loop.build import build_controller, build_reference
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_controller, build_reference
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import load_scenario
 

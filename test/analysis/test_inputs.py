@@ -9,8 +9,8 @@ from command_line import invoke
 from recordings import write_run
 from runs import run_of
 
-from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.inputs import estimate_inputs, report
+from skydiver_utc.errors import AnalysisError
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import load_scenario
 

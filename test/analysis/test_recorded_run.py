@@ -30,16 +30,15 @@ from recordings import (
 from runs import cart, random_run
 
 from bags import Record, rewritten
-from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.figures import tracking_figure
 from skydiver_utc.analysis.labels import missing
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.analysis.recorded_run import RecordedRun, read_run
 from skydiver_utc.analysis.style import png
+from skydiver_utc.errors import AnalysisError, RecordingError
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import to_yaml
-from skydiver_utc.recording.errors import RecordingError
 
 ARRAYS = ("states", "commands", "applied", "reference", "telemetry", "solve_time_s", "status")
 Write = Callable[..., Path]

@@ -18,8 +18,8 @@ from tool_chains.with_do_mpc import solve_by_do_mpc
 from tune import TASK
 
 from skydiver_utc.controllers.protocol import Status
+from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import ParameterError, load_scenario
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="they are compiled: needs a C compiler")

@@ -269,7 +269,7 @@ def test_the_exit_code_is_that_of_the_outcome(monkeypatch: pytest.MonkeyPatch, o
     def ended(*_: Any) -> Any:
         return run_of(outcome=outcome)
 
-    monkeypatch.setattr("skydiver_utc.cli.simulate.run_scenario", ended)
+    monkeypatch.setattr("skydiver_utc.loop.closed_loop.simulate", ended)
     result = call("simulate", SCENARIO, "--json")
     to_its_end = outcome in (Outcome.COMPLETED, Outcome.ROLLED_OVER)
     assert (result.exit_code, json.loads(result.stdout)["outcome"]) == (0 if to_its_end else 1, outcome.value)
@@ -279,7 +279,7 @@ def test_ctrl_c_ends_a_simulation_without_a_traceback(monkeypatch: pytest.Monkey
     def interrupted(*_: Any) -> Any:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("skydiver_utc.cli.simulate.run_scenario", interrupted)
+    monkeypatch.setattr("skydiver_utc.loop.closed_loop.simulate", interrupted)
     result = call("simulate", SCENARIO)
     assert result.exit_code == 130
     assert "Traceback" not in result.stderr

@@ -20,8 +20,8 @@ from skydiver_utc.body.posture import configuration
 from skydiver_utc.body.segments import build_body
 from skydiver_utc.cli.main import main
 from skydiver_utc.cli.settings import parse_setting
+from skydiver_utc.loop.build import build_plant
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_plant
 from skydiver_utc.parameters import PosturePath, load_scenario
 from skydiver_utc.parameters.loading import config_folder
 from skydiver_utc.plants.skydiver.dynamics import GEOMETRY_SIZE, posture_geometry

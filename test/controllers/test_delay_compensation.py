@@ -9,8 +9,8 @@ import pytest
 
 from skydiver_utc.controllers.delay import DelayCompensation
 from skydiver_utc.controllers.protocol import Decision, Status
+from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import Scenario, load_scenario
 
 SCENARIO = "fast_turn_unknown_dynamics"

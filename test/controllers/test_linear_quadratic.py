@@ -10,7 +10,7 @@ from skydiver_utc import FunctionPlant
 from skydiver_utc.controllers.linear_quadratic import LinearQuadraticController, linearised
 from skydiver_utc.controllers.protocol import Status
 from skydiver_utc.controllers.settings import LqrSettings
-from skydiver_utc.loop.registry import build_plant
+from skydiver_utc.loop.build import build_plant
 from skydiver_utc.parameters import load_scenario
 from skydiver_utc.plants.skydiver.linearise import linearise
 from skydiver_utc.plants.skydiver.reduced import belly_to_earth, expanded, reduced

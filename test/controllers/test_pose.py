@@ -4,7 +4,7 @@
 import numpy as np
 import paper_utc as paper
 
-from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
+from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import load_scenario
 from skydiver_utc.plants.skydiver.steady import straight_falls
 from skydiver_utc.plants.skydiver.yaw import steady_yaw_rates

@@ -7,8 +7,8 @@ import pytest
 from skydiver_utc.controllers.horizon import Horizon
 from skydiver_utc.controllers.protocol import Status
 from skydiver_utc.controllers.settings import HorizonSettings
+from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import ParameterError, load_scenario
 
 TASK = "fast_turn_pose_only"

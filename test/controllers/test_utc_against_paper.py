@@ -9,7 +9,7 @@ from carts import controller
 from scipy.spatial.transform import Rotation
 
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
-from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
+from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import load_scenario
 
 DT = 0.0042

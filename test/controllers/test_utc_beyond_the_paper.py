@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import load_scenario
 
 TURN = "fast_turn_unknown_dynamics"

@@ -13,8 +13,8 @@ from carts import assert_usable, controller, straight
 from skydiver_utc import Status
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.controllers.utc.law import Recovery
+from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import load_scenario
 
 FREE = {"minimum": -np.inf, "maximum": np.inf}

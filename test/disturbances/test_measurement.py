@@ -10,7 +10,7 @@ from runs import cart
 from scipy.spatial.transform import Rotation
 
 from skydiver_utc.disturbances.protocol import Disturbance
-from skydiver_utc.loop.registry import build_disturbances, build_plant
+from skydiver_utc.loop.build import build_disturbances, build_plant
 from skydiver_utc.parameters import ParameterError, load_scenario, override
 
 STEPS = 20_000

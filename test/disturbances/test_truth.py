@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from runs import cart
 
+from skydiver_utc.loop.build import build_plant, build_true_plant, model_beside
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_plant, build_true_plant, model_beside
 from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, override, to_yaml
 from skydiver_utc.plants.protocol import Plant
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant

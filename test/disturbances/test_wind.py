@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from skydiver_utc.disturbances.dryden import OUTPUT, DrydenTurbulence, filters
 from skydiver_utc.disturbances.protocol import Disturbance
+from skydiver_utc.loop.build import build_disturbances, build_plant
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_disturbances, build_plant
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import ParameterError, load_scenario
 

@@ -9,8 +9,8 @@ from skydivers import random_control, random_state
 
 from skydiver_utc.estimators.sensors import Sensors
 from skydiver_utc.estimators.settings import SensorSettings
+from skydiver_utc.loop.build import build_plant
 from skydiver_utc.loop.plant_steps import PlantSteps
-from skydiver_utc.loop.registry import build_plant
 from skydiver_utc.parameters import ParameterError, load_scenario, override
 
 STILL = np.array([0.5, -1.0])

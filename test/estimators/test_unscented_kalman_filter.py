@@ -9,7 +9,7 @@ from runs import cart
 from scipy.spatial.transform import Rotation
 
 from skydiver_utc.estimators.manifold import distance, moved
-from skydiver_utc.loop.registry import build_estimator, build_plant
+from skydiver_utc.loop.build import build_estimator, build_plant
 from skydiver_utc.parameters import ParameterError, load_scenario, override
 from skydiver_utc.plants.linear import LinearPlant
 

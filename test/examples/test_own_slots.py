@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from skydiver_utc.loop.build import build_plant
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_plant
 from skydiver_utc.parameters import from_yaml, load_scenario, override, to_yaml
 
 ROOT = Path(__file__).parents[2]

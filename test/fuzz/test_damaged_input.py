@@ -24,9 +24,9 @@ from recordings import STORE, named, odometry, preview, write_run
 from runs import CART, random_run
 
 from bags import rewritten
-from skydiver_utc.analysis.errors import AnalysisError
 from skydiver_utc.analysis.recorded_run import RecordedRun
 from skydiver_utc.body.posture import joint_angle_names
+from skydiver_utc.errors import AnalysisError, RecordingError
 from skydiver_utc.messages import (
     MessageError,
     StepGrid,
@@ -37,7 +37,6 @@ from skydiver_utc.messages import (
     read_preview,
 )
 from skydiver_utc.parameters import ParameterError, from_yaml, leaves, load_scenario, to_yaml
-from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.joint_angles import read_joint_angles
 from skydiver_utc.recording.reader import RecordedTopic, read_bag
 from skydiver_utc.recording.recovery import recover, survey

@@ -10,8 +10,8 @@ from mcap.reader import make_reader
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message
 
+from skydiver_utc.loop.build import build_plant
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_plant
 from skydiver_utc.messages import StepGrid, read_named, read_outcome, read_state
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.topics import Topic

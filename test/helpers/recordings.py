@@ -10,7 +10,7 @@ import numpy as np
 from rosbags.typesys import Stores, get_typestore
 from runs import run_of, skydiver
 
-from skydiver_utc.loop.registry import build_controller, build_reference
+from skydiver_utc.loop.build import build_controller, build_reference
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Scenario, to_yaml
 from skydiver_utc.recording.writer import BagWriter

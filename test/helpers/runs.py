@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from skydiver_utc.loop.build import build_plant, build_reference
 from skydiver_utc.loop.outcome import Outcome
-from skydiver_utc.loop.registry import build_plant, build_reference
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Scenario, from_yaml, load_scenario
 from skydiver_utc.plants.protocol import Plant

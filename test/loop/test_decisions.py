@@ -4,9 +4,9 @@
 import numpy as np
 from runs import cart
 
+from skydiver_utc.loop.build import build_controller, build_disturbances, build_estimator, build_reference
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.decisions import Decider, Stretch, decide_at
-from skydiver_utc.loop.registry import build_controller, build_disturbances, build_estimator, build_reference
 from skydiver_utc.parameters import override
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.loop.build import build_plant
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_plant
 from skydiver_utc.parameters import load_scenario
 
 SCENARIO = load_scenario("fast_turn_pi_dynamics", {"duration_s": 0.5})

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from skydiver_utc.parameters.exit_codes import REFUSED
+from skydiver_utc.errors import REFUSED
 from skydiver_utc.parameters.nodes import SETTINGS
 
 FOLDER = Path(__file__).resolve().parents[2] / "launch"

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from skydiver_utc.loop.registry import build_plant
+from skydiver_utc.loop.build import build_plant
 from skydiver_utc.parameters import ParameterError, load_scenario
 from skydiver_utc.plants.skydiver.linearise import linearise
 from skydiver_utc.plants.skydiver.longest_step import fastest_damping

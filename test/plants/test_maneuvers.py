@@ -10,8 +10,8 @@ from scipy.integrate import trapezoid
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.analysis.skydiver import angle_turned_deg
+from skydiver_utc.loop.build import build_reference
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_reference
 from skydiver_utc.parameters import ParameterError, load_scenario
 from skydiver_utc.rotations import dorsal_axis_height, world_up
 

@@ -15,7 +15,7 @@ from mcap.writer import Writer
 from rosbags.rosbag2 import Reader
 
 from bags import START_NS, STRING, Record, Row, chunk_file, rewritten, text_message, write_bag
-from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.reader import read_bag
 from skydiver_utc.recording.recovery import recover, survey
 

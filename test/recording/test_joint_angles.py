@@ -8,7 +8,7 @@ from runs import cart, run_of
 
 from bags import sentence
 from skydiver_utc.body.posture import joint_angle_names
-from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.joint_angles import read_joint_angles
 
 NAMES = joint_angle_names()

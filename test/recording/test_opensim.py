@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from bags import sentence
 from skydiver_utc.body.posture import configuration, joint_angle_names
 from skydiver_utc.body.segments import SEGMENTS, build_body
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.parameters import load_scenario
-from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.joint_angles import JointAngles, read_joint_angles
 
 Array = NDArray[np.float64]

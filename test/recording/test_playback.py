@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bags import START_NS, Row, text_message, write_bag
-from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.playback import Playback, in_order
 from skydiver_utc.recording.reader import read_bag
 

@@ -25,7 +25,7 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 
 from bags import QOS, START_NS, sentence
-from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.reader import read_bag
 from skydiver_utc.recording.schemas import message_schema
 from skydiver_utc.recording.stamps import leading_stamp_ns

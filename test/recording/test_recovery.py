@@ -15,7 +15,7 @@ from rosbags.rosbag2 import Reader
 
 from bags import START_NS, STRING, Row, text_message, write_bag
 from skydiver_utc.cli.main import main
-from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.reader import read_bag
 from skydiver_utc.recording.recovery import Survey, recover, survey
 

@@ -5,7 +5,7 @@ import struct
 
 import pytest
 
-from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.stamps import leading_stamp_ns
 
 LITTLE, BIG = b"\x00\x01\x00\x00", b"\x00\x00\x00\x00"

@@ -20,7 +20,7 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
 from bags import QOS, START_NS, STRING, messages_in, metadata_of, sentence, text_message
-from skydiver_utc.recording.errors import RecordingError
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.reader import read_bag
 from skydiver_utc.recording.writer import BagWriter
 

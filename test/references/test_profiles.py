@@ -8,8 +8,8 @@ import pytest
 from runs import CART_PLANT
 from scipy.signal import chirp, find_peaks
 
+from skydiver_utc.loop.build import build_reference
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.registry import build_reference
 from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, override, to_yaml
 
 PENDULUM = Path(__file__).parents[2] / "examples" / "own_plant" / "pendulum.yaml"

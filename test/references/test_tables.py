@@ -9,7 +9,7 @@ import pytest
 import yaml
 from runs import CART
 
-from skydiver_utc.loop.registry import build_reference
+from skydiver_utc.loop.build import build_reference
 from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, to_yaml
 from skydiver_utc.parameters.registry import KINDS
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from skydiver_utc.loop.registry import build_controller, build_plant, build_reference
+from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import ParameterError, Scenario, load_scenario
 from skydiver_utc.studies.paper_cases import PI, PI_Q3, UNKNOWN, VARIANTS
 from skydiver_utc.studies.paper_variants import KIND, Variant

@@ -411,7 +411,7 @@ class TestCommands:
         short = (
             "--count",
             "6",
-            "--jobs",
+            "--workers",
             "1",
             "--set",
             "duration_s=2.2",
@@ -431,12 +431,12 @@ class TestCommands:
         results = results_with().replace(tuning=(), sensitivity=())
         asked = []
 
-        def no_flight(quick: bool, jobs: int, _done: object) -> tuple[PaperResults, dict[str, Run]]:
-            asked.append((quick, jobs))
+        def no_flight(quick: bool, workers: int, _done: object) -> tuple[PaperResults, dict[str, Run]]:
+            asked.append((quick, workers))
             return results, {}
 
-        monkeypatch.setattr("skydiver_utc.cli.compare.run_comparison", no_flight)
-        shown = json.loads(self.call("compare", "paper", "--quick", "--jobs", "3", "--json"))
+        monkeypatch.setattr("skydiver_utc.studies.paper_results.run_comparison", no_flight)
+        shown = json.loads(self.call("compare", "paper", "--quick", "--workers", "3", "--json"))
         assert asked == [(True, 3)]
         assert len(shown["claims"]) == len(checklist(results))
         assert shown["measures"] == json.loads(to_json(results))["measures"]
@@ -461,7 +461,7 @@ def test_the_quick_comparison_flies_everything_but_shortly(monkeypatch: pytest.M
     monkeypatch.setattr("skydiver_utc.studies.paper_results.all_cases", lambda: few)
     monkeypatch.setattr("skydiver_utc.studies.paper_results.QUICK_S", 2.1)
     seen: list[int] = []
-    results, flights = run_comparison(quick=True, jobs=1, done=seen.append)
+    results, flights = run_comparison(quick=True, workers=1, done=seen.append)
     assert seen == [1, 2, 3, 4, 5]
     assert list(results.measures) == list(few)
     assert list(flights) == list(flown.FIGURES)

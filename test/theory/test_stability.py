@@ -11,7 +11,7 @@ from skydivers import step_of
 import skydiver_utc.loop.linear_loop as linear_loop
 from skydiver_utc.controllers.utc.settings import UtcSettings
 from skydiver_utc.controllers.utc.unscented_transform_controller import UnscentedTransformController
-from skydiver_utc.loop.registry import build_plant
+from skydiver_utc.loop.build import build_plant
 from skydiver_utc.parameters import ParameterError, load_scenario
 from skydiver_utc.parameters.linear_plant import load_linear_plant
 from skydiver_utc.plants.function import FunctionPlant

@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter
 from ros_fixtures import JOINT_STATE, Partner, Ros
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from skydiver_utc.loop.registry import build_reference
+from skydiver_utc.loop.build import build_reference
 from skydiver_utc.messages import fill_named, fill_preview, read_named
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.controller_node import ControllerNode

@@ -13,9 +13,9 @@ from own_slots import cart_file
 from ros_fixtures import Ros, overrides
 
 from skydiver_utc.body.segments import build_body
+from skydiver_utc.loop.build import build_plant
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.plant_steps import PlantSteps
-from skydiver_utc.loop.registry import build_plant
 from skydiver_utc.messages import StepGrid
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.controller_node import ControllerNode

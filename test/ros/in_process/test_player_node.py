@@ -14,6 +14,7 @@ from ros_fixtures import JOINT_STATE, Partner, Ros
 from rosgraph_msgs.msg import Clock
 
 from bags import Row, text_message
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.controller_node import ControllerNode
 from skydiver_utc.nodes.lifecycle import RefusedError
@@ -23,7 +24,6 @@ from skydiver_utc.nodes.recorder_node import RecorderNode
 from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.nodes.topics import RECORDED, Topic
 from skydiver_utc.parameters import ParameterError
-from skydiver_utc.recording.errors import RecordingError
 from skydiver_utc.recording.metadata import offered_qos
 from skydiver_utc.recording.reader import read_bag
 from skydiver_utc.recording.schemas import message_schema

@@ -15,12 +15,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from bags import metadata_of
+from skydiver_utc.errors import RecordingError
 from skydiver_utc.messages import outcome_text
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.recorder_node import RecorderNode
 from skydiver_utc.nodes.topics import RECORDED, Topic
 from skydiver_utc.parameters import load_scenario
-from skydiver_utc.recording.errors import RecordingError
 
 pytest_plugins = ("ros_fixtures",)
 

@@ -9,7 +9,7 @@ import pytest
 from own_slots import CART, cart_file
 from ros_fixtures import Partner, Ros
 
-from skydiver_utc.loop.registry import build_reference
+from skydiver_utc.loop.build import build_reference
 from skydiver_utc.messages import read_named, read_preview
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Level

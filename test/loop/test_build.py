@@ -3,7 +3,7 @@
 
 import pytest
 
-from skydiver_utc.loop.registry import build_controller, build_plant, build_reference, preview_steps
+from skydiver_utc.loop.build import build_controller, build_plant, build_reference, preview_steps
 from skydiver_utc.parameters import load_scenario
 
 

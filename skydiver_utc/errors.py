@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Errors of wrong input, and the exit codes of every command and node process."""
+
+FAILED = 1  # the run did not reach its end, or a result is wrong
+REFUSED = 2  # nothing was started: an argument, a setting or a file cannot be used
+STOPPED = 130  # interrupted by Ctrl-C or SIGTERM
+
+
+class InputError(Exception):
+    """An input cannot be used; the text is one sentence: what is wrong and what to do."""
+
+    exit_code = REFUSED
+
+
+class ParameterError(InputError, ValueError):
+    """A parameter, file or name is wrong."""
+
+
+class MissingModuleError(ParameterError):
+    """The module of a `module:Class` is not where Python looks for it; `module` is its name."""
+
+    def __init__(self, module: str, field: str = "") -> None:
+        super().__init__(
+            (f"parameter {field}: " if field else "")
+            + f"there is no module {module}: put {module}.py into the current folder, beside the scenario file that is"
+            " given, or on the PYTHONPATH"
+        )
+        self.module = module
+
+
+class RecordingError(InputError):
+    """A bag cannot be written or read."""
+
+
+class AnalysisError(InputError):
+    """A recording cannot be analysed."""
