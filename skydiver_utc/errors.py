@@ -16,16 +16,8 @@ class ParameterError(InputError, ValueError):
     """A parameter, file or name is wrong."""
 
 
-class MissingModuleError(ParameterError):
-    """The module of a `module:Class` is not where Python looks for it; `module` is its name."""
-
-    def __init__(self, module: str, field: str = "") -> None:
-        super().__init__(
-            (f"parameter {field}: " if field else "")
-            + f"there is no module {module}: put {module}.py into the current folder, beside the scenario file that is"
-            " given, or on the PYTHONPATH"
-        )
-        self.module = module
+class OwnClassError(ParameterError):
+    """A `module:Class` of the user's own cannot be imported."""
 
 
 class RecordingError(InputError):

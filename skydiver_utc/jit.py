@@ -215,7 +215,7 @@ class _Call(partial[None]):
 
 
 def address(function: Any, *example: Any) -> int:
-    """Where the machine code of a jitted function for such arguments begins; it must return nothing.
+    """The address of the machine code of a jitted function for such arguments; it must return nothing.
 
     An argument `InMemory` is handed over by its address, and the function asks for its `contents`.
     """

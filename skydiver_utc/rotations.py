@@ -40,14 +40,6 @@ def attitude_with_up(up: Array) -> Array:
     return np.array([half, 0.0, 0.5 * x / half, 0.5 * y / half])
 
 
-def into_body(attitude: Array, vector: Array) -> Array:
-    """A world vector (3,) in the axes of a body with an attitude x y z w (4,)."""
-    axis, w = attitude[:3], attitude[3]
-    across = 2.0 * np.cross(vector, axis)
-    turned: Array = vector + w * across + np.cross(across, axis)
-    return turned
-
-
 @kernel
 def turn_into_body(attitude: Array, vector: Array, out: Array) -> None:
     """A world vector (3,) in the axes of a body with an attitude x y z w (4,)."""

@@ -46,7 +46,7 @@ class Check:
 
     @property
     def differs(self) -> NDArray[np.bool_]:
-        """Where recorded and computed command are not the same bits, (K, m)."""
+        """True for recorded and computed commands that are not the same bits, (K, m)."""
         recorded = np.ascontiguousarray(self.run.commands).view(np.int64)
         differs: NDArray[np.bool_] = recorded != np.ascontiguousarray(self.commands).view(np.int64)
         return differs
@@ -100,7 +100,7 @@ def _with_known_memory(run: Run) -> Run:
 
 
 def _restarts(run: Run) -> list[ParameterChange]:
-    """Where the recorded controller was restarted or got other parameters, in the order of the steps."""
+    """Restarts and changes of parameters of the recorded controller, in the order of the steps."""
     end = run.first_step + len(run.commands)
     return [c for c in run.changes if c.node == _CONTROLLER and run.first_step <= c.step < end]
 

@@ -57,7 +57,7 @@ class Inputs:
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """Where an input moves the outputs enough for an estimate (T, m)."""
+        """True where an input moves the outputs enough for an estimate (T, m)."""
         found: NDArray[np.bool_] = self.alone < SEEN * self.span
         return found
 

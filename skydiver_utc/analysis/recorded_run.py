@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows, stretches
-from skydiver_utc.errors import AnalysisError, MissingModuleError
+from skydiver_utc.errors import AnalysisError, OwnClassError
 from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.loop.build import (
     build_disturbances,
@@ -221,11 +221,8 @@ class RecordedRun:
             text = str(getattr(message, "data", ""))  # a damaged message, or one of another type, has none
             try:
                 found.append((int(sent_ns), from_yaml(text), run_id_of(text)))
-            except MissingModuleError as error:
-                raise AnalysisError(
-                    f"the run in {self._path} has classes of a module {error.module}: put {error.module}.py into the"
-                    " current folder or on the PYTHONPATH"
-                ) from error
+            except OwnClassError as error:
+                raise AnalysisError(f"the scenario in {self._path} cannot be used: {error}") from error
             except ParameterError as error:
                 fault = fault or str(error)
         if not found:

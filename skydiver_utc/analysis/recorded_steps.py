@@ -55,7 +55,7 @@ class RecordedSteps:
         return topic.readable if (topic := self._topic(name)) else []
 
     def read(self, name: str, read: Callable[[Any], Any]) -> list[Any]:
-        """What `read` makes of each message of a topic; without those that it cannot read."""
+        """`read` of each message of a topic; without those that it cannot read."""
         found, messages = [], self.messages(name)
         for message in messages:
             try:

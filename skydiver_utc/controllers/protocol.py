@@ -15,7 +15,7 @@ DIVERGED_POINTS = "diverged_points"
 
 
 class Status(IntEnum):
-    """What happened in one decision; of several, the one with the highest number. Printed, it is a word.
+    """The outcome of one decision; of several, the one with the highest number. Printed, it is a word.
 
     SATURATED: a control is on a bound or at its largest change; REPAIRED: numbers were repaired or points left out;
     KEPT_PREVIOUS: there was no answer; NO_EFFECT: no control moves one of the outputs inside the horizon;

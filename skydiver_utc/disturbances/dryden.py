@@ -12,7 +12,7 @@ from skydiver_utc.disturbances.protocol import Disturbance
 from skydiver_utc.disturbances.rows import BLOCK, Rows
 from skydiver_utc.parameters.fields import SlotSettings, quantity
 from skydiver_utc.plants.protocol import Plant
-from skydiver_utc.rotations import into_body
+from skydiver_utc.rotations import turn_into_world
 
 Array = NDArray[np.float64]
 _LEAST_SPEED_M_S = 1.0
@@ -45,7 +45,7 @@ class DrydenTurbulence(Disturbance):
         state = np.asarray(plant.initial_state())
         velocity = np.zeros(3)
         if plant.state_message == "odometry":
-            velocity = into_body(state[3:7] * [-1.0, -1.0, -1.0, 1.0], state[7:10])  # and back: in the world
+            turn_into_world(state[3:7], state[7:10], velocity)
         speed = float(np.linalg.norm(velocity))
         if speed < _LEAST_SPEED_M_S:
             raise ValueError(

@@ -25,7 +25,7 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Neutral:
-    """Where the command goes when no new one comes: in a straight line to `control` (m,)."""
+    """The path of the command when no new one comes: in a straight line to `control` (m,)."""
 
     control: Vector
     after_steps: int  # for so long the last command is held

@@ -129,7 +129,7 @@ class Run:
 
     @property
     def diverged_points(self) -> Array:
-        """How many sigma points diverged in each step (K,); zero for a controller without any."""
+        """The number of sigma points that diverged in each step (K,); zero for a controller without any."""
         if DIVERGED_POINTS not in self.telemetry_names:
             return np.zeros(len(self.telemetry))
         counts: Array = np.nan_to_num(self.telemetry[:, self.telemetry_names.index(DIVERGED_POINTS)])

@@ -82,7 +82,7 @@ class JointLimits(Parameters):
 
 
 class Subject(Parameters):
-    """Who falls."""
+    """A person who falls."""
 
     name: str
     mass_kg: Annotated[float, quantity("kg", "mass with clothing", ge=30, le=200)]

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from skydiver_utc.errors import MissingModuleError, ParameterError
+from skydiver_utc.errors import OwnClassError, ParameterError
 from skydiver_utc.parameters.registry import settings_class
 from skydiver_utc.parameters.scenario import SLOTS, Scenario, laid_over
 
@@ -105,8 +105,8 @@ def slot_settings(slot: str, name: str, block: Any, errors: list[str]) -> Any:
         return None
     try:
         model = settings_class(slot, kind)
-    except MissingModuleError as error:
-        raise MissingModuleError(error.module, f"{name}.kind") from error
+    except OwnClassError as error:
+        raise OwnClassError(f"parameter {name}.kind: {error}") from error
     except ParameterError as error:
         errors.append(f"parameter {name}.kind: {error}")
         return None

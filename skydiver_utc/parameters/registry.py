@@ -14,12 +14,12 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from skydiver_utc.errors import MissingModuleError, ParameterError
+from skydiver_utc.errors import OwnClassError, ParameterError
 from skydiver_utc.parameters.fields import SlotSettings
 
 
 class Kind(NamedTuple):
-    """Where the settings and the class of a kind stand, each as `module:Name`; loaded when they are needed."""
+    """The settings and the class of a kind, each as `module:Name`; loaded when they are needed."""
 
     settings: str
     factory: str
@@ -119,9 +119,12 @@ def factory(slot: str, kind: str) -> Any:
     try:
         return _load(kind)
     except ModuleNotFoundError as error:
-        raise MissingModuleError(error.name or module) from error
+        raise _missing(error.name or module) from error
     except AttributeError as error:
-        raise ParameterError(f"the module {module} has no {name}: write the name of its class") from error
+        raise OwnClassError(
+            f"the module {module} in {getattr(sys.modules.get(module), '__file__', None)} has no {name}: write the name"
+            " of its class, or let Python find the module that has it first"
+        ) from error
 
 
 def search_modules_in(folder: Path) -> None:
@@ -141,17 +144,24 @@ def refuse_other_code(kind: str) -> None:
     for part in module.split("."):
         spec = PathFinder.find_spec(part, folders)
         if spec is None:
-            raise MissingModuleError(module)
+            raise _missing(module)
         folders, origin = spec.submodule_search_locations or [], str(spec.origin)
     try:
         written_for_this = b"skydiver_utc" in Path(origin).read_bytes()
     except OSError:  # a folder without any module
         written_for_this = False
     if not written_for_this:
-        raise ParameterError(
-            f"the class {kind} is not imported: its module does not import skydiver_utc, and a topic or a recording"
-            " names no other code"
+        raise OwnClassError(
+            f"the class {kind} is not imported, because its module in {origin} does not import skydiver_utc, and a"
+            " topic or a recording names no other code: import skydiver_utc there, if it is the module that is meant"
         )
+
+
+def _missing(module: str) -> OwnClassError:
+    return OwnClassError(
+        f"there is no module {module}: put {module}.py into the current folder, beside the scenario file that is given,"
+        " or on the PYTHONPATH"
+    )
 
 
 def _load(place: str) -> Any:

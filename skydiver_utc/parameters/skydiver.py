@@ -97,7 +97,7 @@ class Ratios(Parameters):
 
 
 class InitialCondition(Parameters):
-    """Where the flight starts: attitude, speed and the control then applied."""
+    """The start of a flight: attitude, speed and the control then applied."""
 
     altitude_m: Annotated[float, quantity("m", "height of the world origin's vertical axis", ge=0, le=40000)]
     fall_speed_m_s: Annotated[float, quantity("m/s", "downward speed", ge=0, le=150)]

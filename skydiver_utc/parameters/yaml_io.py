@@ -120,7 +120,7 @@ def parse_yaml(text: str, origin: str) -> dict[str, Any]:
 
 
 def load_yaml(text: str, origin: str) -> Any:
-    """What a YAML text holds; a number that is not finite, and too much of anything, raise `ParameterError`."""
+    """The values in a YAML text; a number that is not finite, and too much of anything, raise `ParameterError`."""
     try:
         content = yaml.load(text, Loader=_StrictLoader)
     except ParameterError as error:

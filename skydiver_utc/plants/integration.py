@@ -82,11 +82,11 @@ _OF_RETURNING, _OF_WRITING = kernel(_of_returning), kernel(_of_writing)
 
 
 def derivative(*_: Any) -> Any:
-    """What the template below integrates: each step puts the user's own function here."""
+    """A name for the user's own function, which the template below integrates."""
 
 
 def method(*_: Any) -> Any:
-    """What the template below calls, likewise."""
+    """A name for what the template below calls, likewise."""
 
 
 def rk4_step(state: Array, control: Array, dt: float) -> Any:

@@ -203,7 +203,7 @@ def _check_whole(path: Path) -> None:
 
 @lru_cache(maxsize=64)
 def _decoder(type_name: str, text: str) -> Callable[[bytes], Any]:
-    """What deserializes messages of a type with this definition; cached, because building it takes 0.1 s."""
+    """A function that deserializes messages of a type with this definition; cached, because building it takes 0.1 s."""
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(text, type_name))
     # store.deserialize_cdr refuses the padding that rclpy.serialization leaves at the end of some messages.

@@ -35,7 +35,7 @@ class Loss(NamedTuple):
 
 @dataclass
 class Survey:
-    """What can be read of a recording; `whole` if nothing is missing or damaged."""
+    """The readable part of a recording; `whole` if nothing is missing or damaged."""
 
     path: Path
     counts: Counter[str] = field(default_factory=Counter)  # messages by topic
@@ -51,7 +51,7 @@ class Survey:
 
 
 class _Topic(NamedTuple):
-    """What a channel of a file says of its messages."""
+    """The topic of a channel in a file."""
 
     name: str
     definition: Definition
@@ -132,7 +132,7 @@ def _indexed_counts(path: Path) -> Counter[str]:
         topics = _topics(file)
         chunks = {offset for offset, _, opcode, _ in records(file) if opcode == Opcode.CHUNK}
         with file.open("rb") as stream:
-            # The library raises whatever a wrong index leads it to.
+            # A wrong index leads the library to bytes of any kind: struct, zstandard and lz4 raise errors, too.
             try:
                 summary = make_reader(stream).get_summary()
                 if summary is None or {i.chunk_start_offset for i in summary.chunk_indexes} != chunks:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the paper says of a scenario, beside the metrics of a run."""
+"""The paper's words on a scenario, beside the metrics of a run."""
 
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.studies import paper_cases as flown

@@ -310,6 +310,17 @@ def test_a_bag_of_something_else_is_refused(bag: Write, tmp_path: Path) -> None:
             read_run(path)
 
 
+@pytest.mark.parametrize(("kind", "words"), [("lost:Wave", "lost.py"), ("antigravity:Wave", "antigravity")])
+def test_an_own_class_that_cannot_be_imported_is_named_with_its_module(
+    bag: Write, kind: str, words: str
+) -> None:
+    content = yaml.safe_load(to_yaml(a_run().scenario)) | {"reference": {"kind": kind}}
+    recorded: Message = ("scenario", STRING, 0, text(yaml.safe_dump(content)))
+    with pytest.raises(AnalysisError, match=words) as error:
+        read_run(bag(a_run(), without("scenario"), added(recorded)))
+    assert "versions.json" not in str(error.value)
+
+
 @pytest.mark.parametrize(
     "topic", ["scenario", "state", "reference", "command", "outcome", "controller/telemetry"]
 )

@@ -73,7 +73,7 @@ def check_inside(setting: str, value: float, plant: Plant, name: str) -> None:
 def dynamics_of(
     settings: UtcSettings, plant: Plant, outputs: tuple[str, ...], own: Callable[..., Any] | None
 ) -> Dynamics | None:
-    """How the control of a sigma point changes inside the horizon. Raises ValueError."""
+    """The change of a sigma point's control inside the horizon. Raises ValueError."""
     if own is not None:
         return user_dynamics(own, plant)
     if settings.dynamics is None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the paper couples the controls of a turning skydiver: the signs s12, s13 (eq_q1, eq_q3) and s14 (eq:s14)."""
+"""The paper's coupling of the controls of a turning skydiver: the signs s12, s13 (eq_q1, eq_q3) and s14 (eq:s14)."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -51,7 +51,7 @@ class CouplingSchedule:
 
     @property
     def memory(self) -> tuple[float, float]:
-        """What a step leaves behind for the next."""
+        """The state that a step hands to the next."""
         return self._s14_raw, self._rate_sign
 
     @memory.setter
@@ -106,7 +106,7 @@ class CouplingSchedule:
         return s14 * self._rate_sign
 
     def _demand(self, preview: Array) -> float:
-        """How much of the row is in force: the largest change ahead against that of full coupling."""
+        """The share of the row that is in force: the largest change ahead against that of full coupling."""
         if self._full_change == 0.0:
             return 1.0
         return float(np.clip(np.abs(np.diff(preview)).max() / self._full_change, _LEAST_DEMAND, 1.0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a sigma point does inside the horizon, other than being held: see `controllers.roll_out.Dynamics`."""
+"""Dynamics of a sigma point inside the horizon, other than being held: see `controllers.roll_out.Dynamics`."""
 
 from collections.abc import Callable
 from typing import Any
@@ -45,7 +45,7 @@ def incremental(
 
 
 def function(*_: Any) -> Any:
-    """What the template below calls: the user's control dynamics."""
+    """A name for the user's control dynamics, which the template below calls."""
 
 
 def of_user(

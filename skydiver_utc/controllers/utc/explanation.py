@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """What the controls do over the horizon, from one state. Printed, it is a small table.
+    """The effect of the controls over the horizon, from one state. Printed, it is a small table.
 
     controls (m,), outputs (l,): names; horizon: steps to where the outputs are predicted, the last one of several
     control, minimum, maximum, deviation (m,): of the controls; deviation is sqrt(Pu)
@@ -38,7 +38,7 @@ class Explanation:
 
     @property
     def hints(self) -> tuple[str, ...]:
-        """What to change, in words."""
+        """Advice on the settings, in words."""
         if self.diverged == 2 * len(self.controls) + 1:
             return tuple(self._about_divergence())
         return (

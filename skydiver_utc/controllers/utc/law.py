@@ -39,7 +39,7 @@ class Recovery(IntEnum):
 
 
 class Law(NamedTuple):
-    """What a step of the law works with and on, besides the state and the preview.
+    """Numbers and arrays of a step of the law, besides the state and the preview.
 
     steps (T,) of the horizon that count; points (2m+1, m): sigma points; of_roll_out (2m+1, T l): of the roll-out
     outputs (2m+1, L): these, then the controls `nominal`; saved (2m+1, m): U^i of eq:xpred

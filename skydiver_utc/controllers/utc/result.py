@@ -90,7 +90,7 @@ class UtcResult:
 
     @property
     def sentence(self) -> str:
-        """What happened, in words."""
+        """The step in words."""
         if self.status is Status.KEPT_PREVIOUS:
             if self.recovery is Recovery.NONE:
                 return "The previous control was kept: state or reference is not finite."
@@ -109,7 +109,7 @@ class UtcResult:
 
     @property
     def _distance(self) -> str:
-        """How far the reference is, in the output's unit, and in that of P_err where this is far."""
+        """The distance to the reference, in the output's unit, and in that of P_err where this is far."""
         worst = int(np.argmax(np.abs(self.normalised_innovation)))
         far = abs(self.normalised_innovation[worst])
         of_unit = f", {far:.3g} sqrt(P_err)," if far > LARGE else ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be read and set of a UTC between steps, and how it is copied and sent to another process."""
+"""Reading, setting and copying a UTC between steps, and sending it to another process."""
 
 from collections.abc import Callable
 from copy import copy, deepcopy
@@ -92,7 +92,7 @@ class Tunable:
 
     @property
     def Qu(self) -> Array:
-        """What Pu gains in each step (m, m), a copy; set it as in the settings, also between steps."""
+        """The growth of Pu in each step (m, m), a copy; set it as in the settings, also between steps."""
         return self._Qu.copy()
 
     @Qu.setter

@@ -275,7 +275,7 @@ class UnscentedTransformController(Tunable):
         )
 
     def look_ahead(self, state: Array, preview: Array, steps: int) -> tuple[Array, Array]:
-        """Where the model goes from a state (n,) within some steps; nothing is changed by it.
+        """The model's path from a state (n,) within some steps; nothing is changed by it.
 
         States (2m+1, steps + 1, n) and the last controls (2m+1, m): row 0 under the control in force, the others under
         the sigma points of the last step. preview (steps + preview_steps + 1, l)

@@ -127,7 +127,7 @@ class SkydiverPlant(Plant):
         return reached, rate_after
 
     def step_control(self, before: Array, applied: Array) -> Array:
-        """What the actuators hold after and before a step (10,), or the control (4,) where limbs do not react."""
+        """The state of the actuators after and before a step (10,), or the control (4,) where limbs do not react."""
         return np.concatenate((applied, before)) if self.constants.limb_reaction else applied[:4]
 
     def joint_angles(self, applied: Array) -> Array:
