@@ -104,14 +104,16 @@ def show_run(study: str, number: int, out: Path | None, record: bool, as_json: b
         raise CommandError(f"{folder / FILE} has no run {number}: choose one that has ended")
     scenario, path = plan.scenario(number), folder / f"run_{number}.yaml"
     write_file(path, to_yaml(scenario))
-    if row.trace:
-        show_lines(f"run {number} failed: {row.sentence}", row.trace)
+    if row.outcome == FAILED_RUN:
+        raise CommandError(f"run {number} failed: {row.sentence}; {folder / FILE} has the trace", FAILED)
     if record:
         from skydiver_utc.cli.run import run
 
+        place = folder / f"run_{number}"
         code: int = click.get_current_context().invoke(
-            run, scenarios=[str(path)], as_json=as_json, quiet=quiet
+            run, scenarios=[str(path)], folder=place, as_json=as_json, quiet=quiet
         )
+        click.echo(f"`skydiver-utc view {place}` shows it", err=True)
         return code
     flown, _ = fly(scenario, f"{plan.study.name}, run {number}: {row.case}, {row.sample}", as_json, quiet)
     if kept_of(plan.study, Flown.of(flown)) != row.metrics:

@@ -97,7 +97,8 @@ def build_disturbances(scenario: Scenario, plant: Plant) -> Composed:
     """
     parts = [
         _build("disturbance", settings, plant, scenario.dt_s, (scenario.seed, i))
-        for i, settings in enumerate(scenario.disturbances)
+        # From 1 on: a generator of (seed, 0) is that of the seed alone, which the controller has.
+        for i, settings in enumerate(scenario.disturbances, 1)
     ]
     disturbance = Composed(parts, plant, scenario.dt_s)
     if disturbance.changes_measurements and getattr(scenario.estimator, "sensors", None) is not None:

@@ -6,6 +6,9 @@ from typing import Any
 
 from skydiver_utc.parameters import Scenario, from_yaml, leaves, override
 
+# All that decides on a command, but for the reference.
+_OF_A_CONTROLLER = ("controller.", "plant.", "estimator.", "disturbances.", "seed")
+
 
 class TunedScenario:
     """`scenario` is in force; `changes` are the values that are not those of the recorded scenario, by dotted name."""
@@ -28,7 +31,7 @@ class TunedScenario:
         self._different = {
             leaf.name: plain(leaf.value)
             for leaf in leaves(self._start)
-            if leaf.name.startswith(("controller.", "plant.")) and leaf.value != plants.get(leaf.name)
+            if leaf.name.startswith(_OF_A_CONTROLLER) and leaf.value != plants.get(leaf.name)
         }
         return bool(self._different)
 

@@ -223,7 +223,12 @@ def _submitted(pool: Executor, scenario: str, settings: Mapping[str, Any]) -> "F
 
 
 def _is_lost(future: "Future[Flown]") -> bool:
-    return future.cancelled() or isinstance(future.exception(), BrokenExecutor)
+    return future.cancelled() or _is_of_a_worker(future.exception())
+
+
+def _is_of_a_worker(error: BaseException | None) -> bool:
+    """Whether a worker ended before its run did; Dask, whose error is the other one, need not be installed."""
+    return isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"
 
 
 def _ended(plan: Plan, number: int, future: "Future[Flown]") -> Row:
@@ -231,6 +236,6 @@ def _ended(plan: Plan, number: int, future: "Future[Flown]") -> Row:
     if future.cancelled():
         raise StudyStoppedError("the scheduler ended, or lost the runs") from CancelledError()
     error = future.exception()
-    if isinstance(error, BrokenExecutor):
+    if _is_of_a_worker(error):
         raise StudyStoppedError("a worker process ended before its run did") from error
     return plan.row(number, future.result()) if error is None else plan.failed(number, error)

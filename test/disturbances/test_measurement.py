@@ -43,6 +43,14 @@ def test_noise_has_its_deviation_and_no_memory() -> None:
     assert abs(np.corrcoef(found[1:, 1], found[:-1, 1])[0, 1]) < 4.5 / np.sqrt(STEPS)
 
 
+def test_the_noise_is_no_generators_of_the_seed_alone() -> None:
+    """A controller that draws, as MPPI does, has that one."""
+    own = np.random.default_rng(3).standard_normal(200)
+    noisy = of_cart({"kind": "measurement_error", "noise": {"place": 1.0}}, seed=3)
+    found = [noisy.measurement(k, np.zeros(2))[0] for k in range(100)]
+    assert not set(found) & set(own.tolist())
+
+
 def test_a_bias_is_the_same_at_each_step() -> None:
     np.testing.assert_allclose(errors(bias={"place": -2.0, "speed": 0.5}), [[-2.0, 0.5]] * STEPS, atol=1e-9)
 

@@ -222,6 +222,11 @@ class TestRuns:
         (trace,) = connection.execute("select trace from runs where outcome = 'failed'").fetchone()
         assert "ZeroDivisionError" in trace
         assert "own_trap.py" in trace
+        number = next(n for n, row in rows(tmp_path).items() if row[2] == "failed")
+        result = invoke("study", "show", path, number, "--out", tmp_path)
+        assert result.exit_code == 1
+        assert "the trap is shut" in result.stderr
+        assert "Traceback" not in result.output
 
     def test_show_flies_a_run_again(self, tmp_path: Path) -> None:
         path = study_file(tmp_path, runs=2)
@@ -292,7 +297,7 @@ class TestProcesses:
         assert call("study", "run", path, "--out", tmp_path, "--workers", 1)[0] == 0
         assert kept.items() <= rows(tmp_path).items()
 
-    def test_a_cluster_flies_the_same_and_its_scheduler_may_be_killed(
+    def test_a_cluster_flies_the_same_and_its_worker_and_scheduler_may_be_killed(
         self, path: Path, tmp_path: Path
     ) -> None:
         pytest.importorskip("distributed")
@@ -300,6 +305,7 @@ class TestProcesses:
         dask: Callable[..., subprocess.Popen[str]] = lambda *given: subprocess.Popen(  # noqa: E731
             [sys.executable, "-m", *given, "--scheduler-file", str(file), "--no-dashboard"],
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True,
+            env=os.environ | {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"},
         )  # fmt: skip
         scheduler = dask("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0")
         worker = None
@@ -307,20 +313,24 @@ class TestProcesses:
             until = time.monotonic() + PATIENCE_S
             while not file.is_file() and time.monotonic() < until:
                 time.sleep(0.05)
-            worker = dask("distributed.cli.dask_worker", "--nthreads", "1", "--no-nanny")
             address = json.loads(file.read_text(encoding="utf-8"))["address"]
-            process = start("study", "run", path, "--out", tmp_path / "cluster", "--scheduler", address)
-            ended(tmp_path / "cluster", 3, process)
-            scheduler.kill()
-            _, error = process.communicate(timeout=PATIENCE_S)
-            assert process.returncode == 1
-            assert "scheduler" in error
+            for least in (3, 6):
+                worker = dask("distributed.cli.dask_worker", "--nthreads", "1", "--no-nanny")
+                process = start("study", "run", path, "--out", tmp_path / "cluster", "--scheduler", address)
+                ended(tmp_path / "cluster", least, process)
+                (victim, name) = (worker, "worker") if least == 3 else (scheduler, "scheduler")
+                victim.kill()
+                victim.wait()
+                _, error = process.communicate(timeout=PATIENCE_S)
+                assert process.returncode == 1
+                assert name in error
         finally:
             for each in filter(None, (worker, scheduler)):
                 each.kill()
                 each.wait()
         kept = rows(tmp_path / "cluster")
-        assert len(kept) >= 3
+        assert len(kept) >= 6
+        assert "failed" not in {row[2] for row in kept.values()}
         path.write_text(path.read_text(encoding="utf-8").replace("runs: 100", "runs: 2"), encoding="utf-8")
         assert call("study", "run", path, "--out", tmp_path / "here", "--workers", 1)[0] == 0
         here = rows(tmp_path / "here")
