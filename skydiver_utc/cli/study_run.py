@@ -91,6 +91,7 @@ def show_run(study: str, number: int, out: Path | None, record: bool, as_json: b
     from skydiver_utc.parameters import to_yaml
     from skydiver_utc.parameters.files import write_file
     from skydiver_utc.studies.flights import Flown, Plan, kept_of
+    from skydiver_utc.studies.ledger import FAILED as FAILED_RUN
     from skydiver_utc.studies.ledger import FILE, ledger
     from skydiver_utc.studies.study import load_study
 
