@@ -20,6 +20,8 @@ from skydiver_utc.parameters import (
 )
 from skydiver_utc.parameters.loading import config_folder
 from skydiver_utc.parameters.nanoseconds import stamp_ns
+from skydiver_utc.parameters.node_usage import usage
+from skydiver_utc.parameters.nodes import SETTINGS
 
 FAST = "fast_turn_unknown_dynamics"
 SCENARIOS = {name: load_scenario(name) for name in scenario_names()}
@@ -249,3 +251,17 @@ def test_utc_has_the_paper_s_numbers():
         paper_utc.Q14,
     )
     assert (found.P_err, found.horizon_steps, found.W0) == (settings.P_err, settings.N, 0.25)
+
+
+@pytest.mark.parametrize("kind", SETTINGS)
+def test_the_help_of_a_node_has_each_parameter_with_its_default(kind):
+    lines = {line.split()[0]: line for line in usage(kind).splitlines() if line.startswith("  ")}
+    for name, field in SETTINGS[kind].model_fields.items():
+        assert field.description in lines[name]
+        if field.is_required():
+            assert "(needed)" in lines[name]
+        elif isinstance(field.default, float):
+            unit = field.json_schema_extra["unit"]
+            assert f"  {field.default}{'' if unit == '1' else ' ' + unit}  " in lines[name]
+        elif field.default == "":
+            assert "  (empty)  " in lines[name]

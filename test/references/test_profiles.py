@@ -156,6 +156,8 @@ def test_previews_do_not_depend_on_how_much_was_asked_before():
         ("kind: random, amplitude: 1, from_hz: 2, to_hz: 1", ["from_hz", "to_hz", "period_s"]),
         ("kind: random, amplitude: 1, to_hz: 100, period_s: 100", ["from_hz", "to_hz", "period_s"]),
         ("kind: random, amplitude: 1, to_hz: 1, seed: 1.5", ["reference.seed", "whole number"]),
+        ("kind: points, points: []", ["points", "at least one"]),
+        ("kind: points, points: [[1, 0], [1, 2]]", ["points", "time"]),
     ],
 )
 def test_a_wrong_setting_is_named(reference, words):

@@ -113,6 +113,22 @@ def test_a_missing_file_is_named(load, reference):
         load(reference)
 
 
+@pytest.mark.parametrize(
+    ("reference", "words"),
+    [
+        ("{kind: live, outputs: {}}", ["outputs", "at least one"]),
+        ("{kind: live, outputs: {place: linear.x}, initial: {roll: 1}}", ["roll", "outputs"]),
+        ("{kind: live, outputs: {place: linear.x}, amplitude: {pitch: 1}}", ["pitch", "outputs"]),
+        ("{kind: constant, values: {}}", ["values", "at least one"]),
+    ],
+)
+def test_a_reference_without_outputs_or_with_others_is_refused(load, reference, words):
+    with pytest.raises(ParameterError) as caught:
+        load(reference)
+    for word in words:
+        assert word in str(caught.value)
+
+
 def test_sums_for_several_outputs(load, tmp_path):
     """A sine on a step for one output, a CSV file for the other."""
     (tmp_path / "scenarios" / "speed.csv").write_text("time_s,speed\n0,0\n4,4\n", encoding="utf-8")
