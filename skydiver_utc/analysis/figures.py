@@ -29,7 +29,7 @@ from skydiver_utc.analysis.style import (
     house_style,
     short,
 )
-from skydiver_utc.analysis.units import shown, shown_disturbance
+from skydiver_utc.analysis.units import disturbance_words, shown, shown_disturbance
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
 from skydiver_utc.references.profiles import Rotation
@@ -181,8 +181,7 @@ def _draw_angle(axes: Axes, run: Run) -> None:
 
 
 def _disturbance_label(run: Run, name: str) -> str:
-    words = "wind" if name.startswith("wind_") else "measured\nless true"
-    return f"{words} [{shown_disturbance(run.plant, name).unit}]"
+    return f"{textwrap.fill(disturbance_words(name), 14)} [{shown_disturbance(run.plant, name).unit}]"
 
 
 def _draw_disturbance(axes: Axes, run: Run, names: list[str]) -> None:

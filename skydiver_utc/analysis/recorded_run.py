@@ -95,6 +95,11 @@ class RecordedRun:
         names, telemetry = self._telemetry(first, end)
         acting = build_disturbances(self.scenario, self.plant).names
         acted = self._steps.rows("disturbance", len(acting), lambda message: read_named(message, acting))
+        states_named = self.plant.state_names
+        pushes = self._steps.rows(
+            "pushed", len(states_named), lambda message: read_named(message, states_named)
+        )
+        pushed = np.flatnonzero(np.nan_to_num(pushes.values).any(axis=0))
         own = [j for j, name in enumerate(names) if name not in (_SOLVE_TIME, _STATUS)]
         unknown = np.full(end - first, np.nan)
         lasts = {"state": states.last, "command": commands.last, "applied_command": applied.last}
@@ -115,8 +120,8 @@ class RecordedRun:
             reason=self._ending.get("reason") or self._without_an_outcome(end, lasts),
             wall_time_s=self._ending.get("wall_time_s", math.nan),
             changes=self.changes,
-            disturbance=acted.values[first : end + 1],
-            disturbance_names=acting,
+            disturbance=np.hstack([acted.values, np.nan_to_num(pushes.values[:, pushed])])[first : end + 1],
+            disturbance_names=(*acting, *(f"push_{states_named[i]}" for i in pushed)),
             first_step=first,
             holes=tuple((first + begin, first + end) for begin, end in stretches(absent)),
         )

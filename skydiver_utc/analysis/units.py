@@ -34,8 +34,14 @@ def shown(plant: Plant, name: str, degrees: bool = True) -> Shown:
     return Shown(name.replace("_", " "), unit, factor)
 
 
+def disturbance_words(name: str) -> str:
+    """What one of `Run.disturbance_names` is."""
+    words = {"wind": "wind", "push": "pushed by", "error": "measured less true state"}
+    return words[name.partition("_")[0]]
+
+
 def shown_disturbance(plant: Plant, name: str) -> Shown:
-    """Presentation of one of `Run.disturbance_names`: `wind_` and an axis, or `error_` and a state."""
+    """Presentation of one of `Run.disturbance_names`: `wind_` and an axis, `error_` or `push_` and a state."""
     kind, _, signal = name.partition("_")
     unit, factor = ("m/s", 1.0) if kind == "wind" else in_degrees(plant.units.get(signal, "1"))
     return Shown(signal.replace("_", " "), unit, factor)

@@ -68,10 +68,9 @@ def _page_over_ros(namespace: str, port: int, stack: ExitStack) -> "Page":
         node_environment({**os.environ, "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or "0"})
     )
     from skydiver_utc.nodes.observed_run import ObservedRun
-    from skydiver_utc.view.live_page import Page
     from skydiver_utc.view.ros_flight import RosFlight
 
     click.echo(f"waiting for {namespace} on ROS domain {os.environ['ROS_DOMAIN_ID']}", err=True)
     node = ObservedRun(namespace)
     stack.callback(node.close)
-    return Page([RosFlight(node)], node.scenario.title or node.namespace, port)
+    return LivePage(RosFlight(node), port)

@@ -62,6 +62,16 @@ def build_controller(
     return controller if delay_steps == 0 else DelayCompensation(controller, plant, delay_steps)
 
 
+def build_compiled_controller(
+    scenario: Scenario, plant: Plant, reference: Reference, delay_steps: int = 0
+) -> Controller:
+    """The same; it has decided once, so that no step of a run waits for the compiler."""
+    controller = build_controller(scenario, plant, reference, delay_steps)
+    controller.decide(plant.initial_state(), reference.preview(0, controller.preview_steps + 1))
+    controller.reset()
+    return controller
+
+
 def preview_steps(scenario: Scenario) -> int:
     """`preview_steps` of the scenario's controller; where its settings or class tell them it is not built."""
     of_settings = getattr(scenario.controller, "preview_steps", None)

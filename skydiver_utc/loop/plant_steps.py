@@ -10,15 +10,22 @@ from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.loop.build import build_disturbances, build_sensors, build_true_plant
 from skydiver_utc.loop.outcome import Outcome, OutcomeMonitor
 from skydiver_utc.parameters import Scenario
+from skydiver_utc.plants.protocol import Plant
 
 Array = NDArray[np.float64]
+
+
+def states_to_push(plant: Plant) -> tuple[str, ...]:
+    """The states that a push can change: of a body with a pose its velocities."""
+    return plant.state_names[7:] if plant.state_message == "odometry" else plant.state_names
 
 
 class PlantSteps:
     """The true plant of a run and its disturbances: at step `k` its `state` (n,), before it `applied` (a,).
 
     `readings` of sensors arrive at step k, where the estimator has sensors; else they are None. `k` is -1 before the
-    run; the run is over after the last step, or when the plant has a fault.
+    run; the run is over after the last step, or when the plant has a fault. `pushed` (n,): what users add to the
+    state at the next step, None for nothing.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -41,6 +48,7 @@ class PlantSteps:
         self.disturbance.reset()
         self.applied = np.array(self.plant.initial_applied(), dtype=float)
         self._lagged = self.control
+        self.pushed: Array | None = None
         self._monitor = OutcomeMonitor(self._scenario, self.plant)
         self.readings: list[Reading] | None = None
         if self.sensors is not None:
@@ -60,7 +68,10 @@ class PlantSteps:
         before, self.applied = self.applied, self.plant.actuate(command, self.applied)
         state = self.plant.step(self.state, before, self.applied)
         self.k += 1
-        self.state = state = self.disturbance.state(self.k, state)
+        state = self.disturbance.state(self.k, state)
+        if self.pushed is not None:
+            state, self.pushed = state + self.pushed, None
+        self.state = state
         self._read_sensors(before)
         return self._monitor.observe(self.k, state) and self.k < self._steps
 

@@ -56,7 +56,8 @@ class Run:
     reference (K+1, l) of the outputs (or controls) `tracked_names`
     telemetry (K, t) by `telemetry_names`; of each controller call solve_time_s (K,) and status (K,), the number of
     a `Status`; NaN where a recording lacks it
-    disturbance (K+1, d) by `disturbance_names`: the wind (`wind_x`, [m/s]), and measured less true state (`error_wx`)
+    disturbance (K+1, d) by `disturbance_names`: the wind (`wind_x`, [m/s]), measured less true state (`error_wx`), and
+    what users added to a state at that step (`push_wx`)
     changes: parameters that were changed during the run; `scenario` is that of its start
     """
 

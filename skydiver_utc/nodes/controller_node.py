@@ -19,7 +19,7 @@ from skydiver_utc.estimators.consistency import consistency
 from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.estimators.sensor_models import SensorOfPlant
 from skydiver_utc.loop.build import (
-    build_controller,
+    build_compiled_controller,
     build_disturbances,
     build_estimator,
     build_reference,
@@ -245,12 +245,8 @@ class ControllerNode(ScenarioNode):
         return ""
 
     def _build(self, scenario: Scenario) -> Controller:
-        """The controller of a scenario; it has decided once, so that no run waits for the compiler."""
-        controller = build_controller(scenario, self._plant, self._reference, self.settings.delay_steps)
-        preview = self._reference.preview(0, controller.preview_steps + 1)
-        controller.decide(self._plant.initial_state(), preview)
-        controller.reset()
-        return controller
+        delay_steps = self.settings.delay_steps
+        return build_compiled_controller(scenario, self._plant, self._reference, delay_steps)
 
     def _use(self, controller: Controller) -> None:
         self._decider.controller = controller

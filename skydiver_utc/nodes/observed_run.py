@@ -1,27 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node behind a page on a flight over ROS: subscribes to a run that has begun, and publishes nothing."""
+"""Node behind a page on a flight over ROS: subscribes to a run that has begun, and changes it as users ask."""
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from numpy.typing import NDArray
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
 
 from skydiver_utc.loop.build import build_reference, build_true_plant
-from skydiver_utc.messages import MessageError, StepGrid, read_named, read_state
+from skydiver_utc.loop.tuned_scenario import plain
+from skydiver_utc.messages import MessageError, StepGrid, fill_named, read_named, read_state
 from skydiver_utc.nodes import topics
-from skydiver_utc.parameters import ParameterError, Scenario, from_yaml
+from skydiver_utc.parameters import ParameterError, Scenario, from_yaml, leaves
 from skydiver_utc.plants.protocol import Plant
 
 Array = NDArray[np.float64]
 _POLL_S = 0.05
+_DISCOVERY_S = 2.0  # how long a controller's services are looked for
+_ANSWER_S = 10.0  # another controller may have to be compiled
 
 
 class ObservedRun:
@@ -42,6 +52,9 @@ class ObservedRun:
         self._executor.add_node(self._node)
         self._scenario: Scenario | None = None
         self._begun = False
+        self._pushes = self._node.create_publisher(topics.PUSH.type, topics.PUSH.name, topics.PUSH.qos)
+        self._parameters = AsyncParameterClient(self._node, topics.CONTROLLER)
+        self._lifecycle = self._node.create_client(ChangeState, f"{topics.PLANT}/change_state")
         self._subscribe(topics.SCENARIO, self._on_scenario)
         self._subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
         self._thread = threading.Thread(target=self._spin, daemon=True)
@@ -69,6 +82,40 @@ class ObservedRun:
         self._executor.shutdown()
         self._thread.join()
         self._node.destroy_node()
+
+    def push(self, change: Mapping[str, float]) -> None:
+        """Add to states, by name, at the plant's next step."""
+        self._pushes.publish(fill_named(JointState(name=list(change)), np.array(list(change.values()))))
+
+    def pause(self, paused: bool) -> None:
+        """Let the run stand between two steps, or go on. Raises `ParameterError` where the plant refuses."""
+        kind = Transition.TRANSITION_DEACTIVATE if paused else Transition.TRANSITION_ACTIVATE
+        request = ChangeState.Request(transition=Transition(id=kind))
+        if not self._answer(self._lifecycle.call_async(request)).success:
+            raise ParameterError("the plant goes on: a run in real time, or one that has ended, cannot pause")
+
+    def controller_parameters(self) -> dict[str, Any]:
+        """The controller node's settings of its controller, by dotted name; empty for a node without them."""
+        if not self._parameters.wait_for_services(_DISCOVERY_S):
+            return {}
+        names = [leaf.name for leaf in leaves(self.scenario) if leaf.name.startswith("controller.")]
+        values = map(parameter_value_to_python, self._answer(self._parameters.get_parameters(names)).values)
+        found = zip(names, values, strict=False)
+        return {name: plain(value) for name, value in found if value is not None}
+
+    def set_controller(self, values: Mapping[str, Any]) -> None:
+        """Set parameters of the controller node, all or none. Raises `ParameterError` where it refuses them."""
+        parameters = [Parameter(name, value=value) for name, value in values.items()]
+        result = self._answer(self._parameters.set_parameters_atomically(parameters)).result
+        if not result.successful:
+            raise ParameterError(result.reason)
+
+    def _answer(self, future: Future) -> Any:
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        if not done.wait(_ANSWER_S):
+            raise ParameterError(f"a node of {self.namespace} does not answer: see whether it is running")
+        return future.result()
 
     def _spin(self) -> None:
         try:
@@ -105,8 +152,9 @@ class ObservedRun:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             values = {each.key: each.value for each in status.values}
-            if status.name == f"{self.namespace}/{topics.PLANT}" and int(values.get("step", "-1")) > 0:
-                self._begun = True
+            with suppress(ValueError):  # anybody may publish diagnostics
+                if status.name == f"{self.namespace}/{topics.PLANT}" and int(values.get("step", "-1")) > 0:
+                    self._begun = True
 
     def _on_state(self, message: Any) -> None:
         self.state = read_state(message, self.plant.state_names)

@@ -9,12 +9,13 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
+import numpy as np
 from rclpy.timer import Timer
 from std_msgs.msg import String
 
 from skydiver_utc.errors import FAILED
 from skydiver_utc.loop.outcome import REACHED_THE_END, Outcome
-from skydiver_utc.loop.plant_steps import PlantSteps
+from skydiver_utc.loop.plant_steps import PlantSteps, states_to_push
 from skydiver_utc.loop.real_time import CommandAccount, Neutral, RealTimePace
 from skydiver_utc.messages import MessageError, outcome_text, read_named, scenario_text
 from skydiver_utc.nodes import topics
@@ -60,6 +61,7 @@ class PlantNode(ScenarioNode):
         qos = topics.EACH_AS_IT_COMES if real_time else None
         self._commands = self.subscribe(topics.COMMAND, self.on_command, qos)
         self.subscribe(topics.RECORDER_READY, self.on_recorder_ready)
+        self.subscribe(topics.PUSH, self.on_push)
 
     def configure(self) -> None:
         """Go to the scenario's beginning, under a new id of the run."""
@@ -120,6 +122,15 @@ class PlantNode(ScenarioNode):
     def on_recorder_ready(self, _: Any) -> None:
         """The recorder is subscribed to what a run needs."""
         self._recorder_ready = True
+
+    def on_push(self, message: Any) -> None:
+        """Add to the states that it names at the next step."""
+        states, able = self._run.plant.state_names, states_to_push(self._run.plant)
+        if not set(message.name) <= set(able):
+            raise MessageError("names", f"it names {list(message.name)}: a push is of {', '.join(able)}")
+        change = np.zeros(len(states))
+        change[[states.index(name) for name in message.name]] = read_named(message, message.name)
+        self._run.pushed = change if self._run.pushed is None else self._run.pushed + change
 
     def on_command(self, message: Any) -> None:
         """In lockstep step if this command answers the state published last; in real time keep it."""
@@ -241,8 +252,11 @@ class PlantNode(ScenarioNode):
 
     def _step(self, command: Any) -> bool:
         """One step; False when the run is over."""
+        pushed = self._run.pushed
         goes_on = self._run.step(command)
         self._retries = 0
+        if pushed is not None:
+            self._out.publish_pushed(self.k, pushed)
         self._publish_state()
         self._out.publish_applied(self.k - 1, self._run.applied)
         self._display.publish(self.k, self._run.state, self._run.applied)

@@ -51,6 +51,8 @@ class PlantTopics:
         self._applied = node.advertise(topics.APPLIED_COMMAND)
         self._acted = node.advertise(topics.DISTURBANCE) if disturbance.names else None
         self._acted_message = JointState(name=list(disturbance.names))
+        self._pushed = node.advertise(topics.PUSHED)
+        self._pushed_message = JointState(name=list(plant.state_names))
         self.outcome = node.advertise(topics.OUTCOME)
         self._sensors = [SensorTopic(node, sensor) for sensor in sensors]
         self._state_message = state_type()
@@ -70,6 +72,11 @@ class PlantTopics:
         if self._acted is not None:
             self._grid.set_stamp(self._acted_message.header.stamp, k)
             self._acted.publish(fill_named(self._acted_message, self._disturbance.acted(k, state)))
+
+    def publish_pushed(self, k: int, change: Vector) -> None:
+        """What users have added to the state (n,) of step k."""
+        self._grid.set_stamp(self._pushed_message.header.stamp, k)
+        self._pushed.publish(fill_named(self._pushed_message, change))
 
     def publish_readings(self, readings: Sequence[Reading]) -> None:
         """The measurements that arrive now, each with the stamp of its own step."""

@@ -80,6 +80,8 @@ SCENARIO = Topic("scenario", String, LATCHED)
 CLOCK = Topic("/clock", Clock, EACH_STEP, fewer_than_states=0, needed=True)
 STATE = Topic("state", Odometry, EACH_STEP, (CONTROLLER,), fewer_than_states=0, needed=True)
 DISTURBANCE = Topic("disturbance", JointState, EACH_STEP, fewer_than_states=0)
+PUSH = Topic("push", JointState, EACH_AS_IT_COMES, recorded=False)
+PUSHED = Topic("pushed", JointState, EACH_STEP)
 REFERENCE_PREVIEW = Topic("reference", JointTrajectory, CHUNKS, needed=True)
 SETPOINT = Topic("reference/setpoint", JointState, EACH_STEP, fewer_than_states=0)
 CHANGES = Topic("changes", String, EACH_STEP)
@@ -105,6 +107,8 @@ TOPICS = (
     CLOCK,
     STATE,
     DISTURBANCE,
+    PUSH,
+    PUSHED,
     STICK,
     REFERENCE_PREVIEW,
     SETPOINT,

@@ -277,22 +277,23 @@ def _over_defaults(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _override(content: dict[str, Any], name: str, value: object) -> None:
-    *parents, last = name.split(".")
     refuse_non_finite(value, "the override", name)
     place: Any = content
-    for parent in parents:
-        place = (
-            place.setdefault(parent, {}) if isinstance(place, dict) else place[_entry(place, parent, name)]
-        )
+    part, rest = _entry(place, name, name)
+    while rest:
+        place = place.setdefault(part, {}) if isinstance(place, dict) else place[part]
         if not isinstance(place, dict | list):
-            raise ParameterError(f"there is no parameter {name}: {parent} has no fields")
-    place[_entry(place, last, name)] = value
+            raise ParameterError(f"there is no parameter {name}: {part} has no fields")
+        part, rest = _entry(place, rest, name)
+    place[part] = value
 
 
-def _entry(place: dict[str, Any] | list[Any], part: str, name: str) -> Any:
-    """The key of a block, or the index of an entry of a list, at a part of a dotted name."""
+def _entry(place: dict[str, Any] | list[Any], path: str, name: str) -> tuple[Any, str]:
+    """The key of a block, itself with dots or not, or the index of an entry of a list; and the path after it."""
+    part, _, rest = path.partition(".")
     if isinstance(place, dict):
-        return part
+        part = max((key for key in place if f"{path}.".startswith(f"{key}.")), key=len, default=part)
+        return part, path[len(part) + 1 :]
     if not part.isdecimal() or int(part) >= len(place):
         raise ParameterError(f"there is no parameter {name}: the list has entries 0 to {len(place) - 1}")
-    return int(part)
+    return int(part), rest

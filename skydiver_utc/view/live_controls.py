@@ -1,54 +1,77 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pages of a live flight and of recorded runs: what a user can change on each."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
 
-from skydiver_utc.parameters import Leaf, leaves
-from skydiver_utc.view.live_flight import LiveFlight
+from skydiver_utc.loop.plant_steps import states_to_push
+from skydiver_utc.parameters import Leaf, ParameterError, Scenario, leaves
+from skydiver_utc.view.flight_view import Flight
+from skydiver_utc.view.gusts import Gusts
 from skydiver_utc.view.live_page import Page
 from skydiver_utc.view.live_settings import label, settings_to_change, slider_range
 from skydiver_utc.view.recorded_flight import RecordedFlight
 
 
+class ChangedFlight(Flight, Protocol):
+    """A flight that users change: in this process or over ROS."""
+
+    scenario: Scenario
+    gusts: Gusts
+    changes: tuple[str, ...]  # the slots whose settings can be changed
+
+    def change(self, values: Mapping[str, Any]) -> None:
+        """Fly on with other settings, by dotted name. Raises `ParameterError`."""
+
+    def blow(self) -> None:
+        """Let a gust begin now."""
+
+    def push(self, name: str, by: float) -> None:
+        """Change one state at the next step."""
+
+    @property
+    def reset(self) -> Callable[[], None] | None:
+        """Begin again; None where that is not possible."""
+
+    def pause(self, paused: bool) -> None:
+        """The page stands still, or goes on. Raises `ParameterError` where the flight does not."""
+
+
 class LivePage(Page):
     """A flight with its settings, gusts, pushes and a new beginning; handles: the controls of settings, by name."""
 
-    def __init__(self, flight: LiveFlight, port: int = 8080) -> None:
+    def __init__(self, flight: ChangedFlight, port: int = 8080) -> None:
         self.flight, self.handles = flight, dict[str, Any]()
         super().__init__([flight], flight.scenario.title or flight.name, port)
 
     def add_controls(self) -> None:
         """Buttons, and a slider, switch or choice for each setting."""
-        gui, flight = self.server.gui, self.flight
-        self.on("Reset", flight.reset, gui.add_button("Reset"), "R")
+        gui, flight, able = self.server.gui, self.flight, states_to_push(self.flight.plant)
+        if flight.reset is not None:
+            self.on("Reset", flight.reset, gui.add_button("Reset"), "R")
         with gui.add_folder("Gust and push"):
-            if flight.gust is not None:
+            if flight.gusts.settings is not None:
                 self.on("Gust", flight.blow, gui.add_button("Gust"), "G")
-            state = gui.add_dropdown("state", self._pushed(), initial_value=self._pushed()[-1])
+            state = gui.add_dropdown("state", able, initial_value=able[-1])
             by = gui.add_number("change [unit of the state]", 1.0, step=0.1)
             self.on("Push", lambda: flight.push(state.value, by.value), gui.add_button("Push"), "P")
-            if flight.gust is not None:
-                for leaf in leaves(flight.gust):
+            if flight.gusts.settings is not None:
+                for leaf in leaves(flight.gusts.settings):
                     if leaf.name != "start_s":
-                        self._add(leaf, lambda name, value: self._change_gust(name, value))
-        for slot in ("reference", "controller"):
+                        self._add(leaf, flight.gusts.change)
+        for slot in flight.changes:
             with gui.add_folder(slot.capitalize()):
                 for leaf in settings_to_change(flight.scenario):
                     if leaf.name.startswith(f"{slot}."):
                         self._add(leaf, lambda name, value: flight.change({name: value}))
 
-    def _pushed(self) -> tuple[str, ...]:
-        """States that can be pushed: an attitude cannot."""
-        names = self.flight.plant.state_names
-        return names[7:] if self.flight.plant.state_message == "odometry" else names
+    def toggle(self) -> None:
+        """Play or pause; the flight too, where it can."""
+        super().toggle()
+        self.flight.pause(not self.playing)
 
-    def _change_gust(self, name: str, value: Any) -> None:
-        assert self.flight.gust is not None
-        self.flight.gust = self.flight.gust.replace(**{name: value})
-
-    def _add(self, leaf: Leaf, change: Any) -> None:
-        """The control that fits a setting; it changes the flight at the next frame."""
+    def _add(self, leaf: Leaf, change: Callable[[str, Any], None]) -> None:
+        """The control that fits a setting; it changes the flight at the next frame, or goes back where refused."""
         gui, words, hint = self.server.gui, label(leaf), leaf.description or None
         value: Any = leaf.value
         if leaf.choices:
@@ -60,7 +83,19 @@ class LivePage(Page):
         else:
             handle = gui.add_number(words, value, hint=hint)
         self.handles[leaf.name] = handle
-        handle.on_update(lambda _: self.later(leaf.name, lambda: change(leaf.name, handle.value)))
+        in_force = [value]
+
+        def apply() -> None:
+            if handle.value == in_force[0]:
+                return
+            try:
+                change(leaf.name, handle.value)
+            except ParameterError:
+                handle.value = in_force[0]
+                raise
+            in_force[0] = handle.value
+
+        handle.on_update(lambda _: self.later(leaf.name, apply))
 
 
 class RunsPage(Page):

@@ -10,26 +10,25 @@ from numpy.typing import NDArray
 
 from skydiver_utc.controllers.protocol import Controller
 from skydiver_utc.controllers.utc.tunable import Tunable
-from skydiver_utc.controllers.utc.unscented_transform_controller import UnscentedTransformController
 from skydiver_utc.disturbances.composed import Composed
-from skydiver_utc.disturbances.protocol import STILL_AIR, Disturbance
-from skydiver_utc.loop.build import build_controller, build_estimator, build_reference, model_beside
+from skydiver_utc.loop.build import (
+    build_compiled_controller,
+    build_estimator,
+    build_reference,
+    model_beside,
+)
 from skydiver_utc.loop.decisions import Decider
 from skydiver_utc.loop.plant_steps import PlantSteps
-from skydiver_utc.parameters import ParameterError, Scenario
-from skydiver_utc.parameters.conversion import slot_settings
-from skydiver_utc.parameters.fields import SlotSettings
-from skydiver_utc.parameters.registry import factory, settings_class
-from skydiver_utc.references.protocol import Reference
+from skydiver_utc.parameters import ParameterError, Scenario, override
+from skydiver_utc.view.gusts import Gusts
 from skydiver_utc.view.live_signals import Instant, Signals
+from skydiver_utc.view.look_ahead import look_ahead
 
 Array = NDArray[np.float64]
 _LONGEST_S = 36000.0
 # Of the charts: how far they look back, and how densely.
 _SHOWN_S, _ROWS_PER_S = 10.0, 50.0
 _BLOCK_STEPS = 256
-# A gust that turns the body by some ten degrees and is over before one loses patience; chosen by eye.
-_GUST = {"speed_m_s": 10.0, "to_deg": 90.0, "duration_s": 2.0}
 # Settings that a UTC takes between steps, without forgetting what it has learnt of Pu.
 _BETWEEN_STEPS = {"P_err", "Qu"}
 
@@ -39,19 +38,18 @@ class LiveFlight:
 
     scenario: as changed so far; plant; tracked: names of the outputs that the reference is for
     ended: why the flight cannot go on, else empty
-    gust: the settings of the next gust; None for a plant on which wind has no effect
     """
+
+    changes: tuple[str, ...] = ("reference", "controller")
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario.replace(duration_s=_LONGEST_S)
         self.ended = ""
         self._steps = PlantSteps(self.scenario)
         self.plant = self._steps.plant
-        self._gusts = _Gusts()
-        self.gust: SlotSettings | None = None
-        if self.plant.state_message == "odometry":
-            self.gust = settings_class("disturbance", "gust").model_validate({"start_s": 0.0, **_GUST})
-            parts = (*self._steps.disturbance.parts, self._gusts)
+        self.gusts = Gusts(self.plant)
+        if self.gusts.settings is not None:
+            parts = (*self._steps.disturbance.parts, self.gusts)
             self._steps.disturbance = Composed(parts, self.plant, self.scenario.dt_s)
         self._reference = build_reference(self.scenario)
         self.name, self.tracked = self.scenario.name, self._reference.outputs
@@ -59,7 +57,7 @@ class LiveFlight:
         self._block = 0, np.empty((0, len(self.tracked)))  # first step and values of a part of the reference
         self._model = model_beside(self.plant, self.scenario)
         estimator = build_estimator(self.scenario, self._model)
-        controller = self._built(self.scenario, self._reference)
+        controller = build_compiled_controller(self.scenario, self._model, self._reference)
         deviates = any(name.startswith("std_") for name in controller.telemetry_names)
         self.signals = Signals(self.plant, self.tracked, deviates)
         self._decider = Decider(controller, estimator, self._model, self._steps.disturbance)
@@ -88,32 +86,29 @@ class LiveFlight:
 
         Another controller continues from the control in force.
         """
-        scenario, before = _changed(self.scenario, values), self.scenario
+        scenario, before = override(self.scenario, values), self.scenario
         reference = self._reference
         if scenario.reference != before.reference:
             reference = build_reference(scenario)
         if scenario.controller != before.controller:
             between = _set_between_steps(self._decider.controller, before.controller, scenario.controller)
             if not between:
-                controller = self._built(scenario, reference)
+                controller = build_compiled_controller(scenario, self._model, reference)
                 controller.resume(self._steps.control)
                 self._decider.controller = controller
         self.scenario, self._reference = scenario, reference
         self._block = 0, np.empty((0, len(self.tracked)))
 
+    def pause(self, paused: bool) -> None:
+        """It stands still with its page."""
+
     def blow(self) -> None:
         """Let a gust begin now."""
-        if self.gust is None:
-            raise ParameterError("wind has no effect on this plant: push it instead")
-        now = self.gust.replace(start_s=self._steps.k * self.scenario.dt_s)
-        gust = factory("disturbance", now.kind)(now, self.plant, self.scenario.dt_s, (self.scenario.seed, 0))
-        self._gusts.blown.append(gust)
+        self.gusts.blow(self._steps.k)
 
     def push(self, name: str, by: float) -> None:
-        """Change one state at once."""
-        pushed = self._steps.state.copy()
-        pushed[self.plant.state_names.index(name)] += by
-        self._steps.state = pushed
+        """Change one state at the next step."""
+        self._steps.pushed = np.where(np.array(self.plant.state_names) == name, by, 0.0)
 
     def now(self) -> Instant:
         """The present instant."""
@@ -133,23 +128,10 @@ class LiveFlight:
         return np.array(self._rows).reshape(-1, self.signals.count)
 
     def look_ahead(self, seconds: float = 0.0) -> tuple[Array, Array]:
-        """States (S, steps + 1, n) to the horizon, or further, and what the actuators then hold (S, a).
-
-        Row 0: the model under the command in force; the others, which only a UTC has: under its sigma points.
-        """
-        controller, k, m = self._decider.controller, self._steps.k, len(self.plant.control_names)
-        state, control = self._steps.state, self._steps.control
-        at_least = round(seconds / self.scenario.dt_s)
-        if isinstance(controller, UnscentedTransformController):
-            steps = max(controller.horizon, at_least)
-            preview = self._reference.preview(k, steps + controller.preview_steps + 1)
-            states, controls = controller.look_ahead(state, preview, steps)
-        else:
-            steps = max(1, controller.preview_steps, at_least)
-            states, controls = self._held(state, control, steps), control[np.newaxis]
-        applied = np.tile(self.plant.initial_applied(), (len(states), 1))
-        applied[:, :m] = controls
-        return states, applied
+        """States (S, steps + 1, n) to the horizon, or further, and what the actuators then hold (S, a)."""
+        steps, at_least = self._steps, round(seconds / self.scenario.dt_s)
+        of = self._decider.controller, self._model, self._reference
+        return look_ahead(*of, steps.k, steps.state, steps.control, at_least)
 
     def _step(self) -> None:
         controller, k = self._decider.controller, self._steps.k
@@ -172,53 +154,6 @@ class LiveFlight:
             first, block = k, self._reference.preview(k, count + _BLOCK_STEPS)
             self._block = first, np.ascontiguousarray(block, dtype=float)
         return self._block[1][k - self._block[0] :][:count]
-
-    def _held(self, state: Array, control: Array, steps: int) -> Array:
-        """States (1, steps + 1, n) of the model under a held control."""
-        states = np.empty((1, steps + 1, len(state)))
-        states[0, 0] = state
-        for j in range(steps):
-            self._model.bound_model.step(states[0, j], control, states[0, j + 1])
-        return states
-
-    def _built(self, scenario: Scenario, reference: Reference) -> Controller:
-        """The controller of a scenario; it has decided once, so that no step waits for the compiler."""
-        controller = build_controller(scenario, self._model, reference)
-        controller.decide(self._model.initial_state(), reference.preview(0, controller.preview_steps + 1))
-        controller.reset()
-        return controller
-
-
-class _Gusts(Disturbance):
-    """Gusts that users let begin, as one wind."""
-
-    def __init__(self) -> None:
-        self.blown: list[Disturbance] = []
-
-    def wind(self, k: int) -> Array:
-        """The sum of the gusts (3,) at step k [m/s]."""
-        return sum((gust.wind(k) for gust in self.blown), start=STILL_AIR)
-
-    def reset(self) -> None:
-        """Still air."""
-        self.blown.clear()
-
-
-def _changed(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
-    """The scenario with other values in the blocks of its slots; no other block is checked again."""
-    blocks: dict[str, Any] = {}
-    errors: list[str] = []
-    for name, value in values.items():
-        slot, *path = name.split(".")
-        block = blocks.setdefault(slot, getattr(scenario, slot).as_dict())
-        *within, last = (int(key) if key.isdecimal() else key for key in path)
-        for key in within:
-            block = block[key]
-        block[last] = value
-    settings = {slot: slot_settings(slot, slot, block, errors) for slot, block in blocks.items()}
-    if errors:
-        raise ParameterError("; ".join(errors))
-    return scenario.replace(**settings)
 
 
 def _set_between_steps(controller: Controller, before: Any, after: Any) -> bool:

@@ -1,37 +1,92 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A flight over ROS as a page shows it."""
+"""A flight over ROS as a page shows and changes it."""
 
 from collections import deque
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.loop.build import build_disturbances
+from skydiver_utc.controllers.utc.unscented_transform_controller import UnscentedTransformController
+from skydiver_utc.disturbances.air import in_moving_air
+from skydiver_utc.disturbances.protocol import STILL_AIR
+from skydiver_utc.loop.build import (
+    build_compiled_controller,
+    build_disturbances,
+    build_reference,
+    model_beside,
+)
+from skydiver_utc.loop.tuned_scenario import TunedScenario
 from skydiver_utc.nodes.observed_run import ObservedRun
+from skydiver_utc.parameters import leaves, override
+from skydiver_utc.view.gusts import Gusts
 from skydiver_utc.view.live_signals import Instant, Signals
+from skydiver_utc.view.look_ahead import look_ahead
 
 Array = NDArray[np.float64]
 _MOST_ROWS = 300  # ten seconds of frames
 
 
 class RosFlight:
-    """The newest messages of a run; its time is the run's own, whatever the page's speed."""
+    """The newest messages of a run; its time is the run's own, whatever the page's speed.
+
+    The controller of its scenario predicts here from the newest state and applied command, and draws its sigma points
+    by the standard deviations of the newest telemetry.
+    """
+
+    reset = None
 
     def __init__(self, node: ObservedRun) -> None:
         self._node = node
         self.name, self.plant, self.tracked = node.namespace, node.plant, node.tracked
         self.signals, self.ended = Signals(node.plant, node.tracked, deviates=True), ""
+        self.gusts, self._gust, self._paused = Gusts(node.plant), STILL_AIR, False
         self._disturbance = build_disturbances(node.scenario, node.plant)
         self._rows: deque[Array] = deque(maxlen=_MOST_ROWS)
+        in_force = node.controller_parameters()
+        self.changes: tuple[str, ...] = ("controller",) if in_force else ()
+        self.scenario = override(node.scenario, in_force)
+        self._model, self._reference = model_beside(node.plant, node.scenario), build_reference(node.scenario)
+        self._controller = build_compiled_controller(self.scenario, self._model, self._reference)
 
     def advance(self, seconds: float) -> None:
-        """Keep the signals of this instant."""
+        """Keep the signals of this instant, and send what a gust has changed since the last one."""
         row = self.signals.row(self.now())
         if self._rows and row[0] < self._rows[-1][0]:
             self._rows.clear()
+            self.gusts.reset()
         if not self._rows or row[0] > self._rows[-1][0]:
             self._rows.append(row)
+        wind, state = self.gusts.wind(self._node.k), self._node.state
+        if (wind != self._gust).any():
+            pushed = in_moving_air(state, STILL_AIR, self._gust - wind) - state
+            self._node.push(dict(zip(self.plant.state_names[7:10], pushed[7:10].tolist(), strict=True)))
+            self._gust = wind
         self.ended = "the flight has ended" if self._node.ended else ""
+
+    def change(self, values: Mapping[str, Any]) -> None:
+        """Set parameters of the controller node. Raises `ParameterError` where it refuses them."""
+        scenario = override(self.scenario, values)
+        new = {leaf.name: leaf.value for leaf in leaves(scenario)}
+        self._node.set_controller(TunedScenario(self.scenario, 0).news(new))
+        self.scenario = scenario
+        self._controller = build_compiled_controller(scenario, self._model, self._reference)
+
+    def pause(self, paused: bool) -> None:
+        """Let the run stand still, or go on where it stands. Raises `ParameterError` where the plant refuses."""
+        if paused or self._paused:
+            self._paused = False
+            self._node.pause(paused)
+            self._paused = paused
+
+    def blow(self) -> None:
+        """Let a gust begin now: as pushes of the velocity relative to the air."""
+        self.gusts.blow(self._node.k)
+
+    def push(self, name: str, by: float) -> None:
+        """Change one state at the plant's next step."""
+        self._node.push({name: by})
 
     def now(self) -> Instant:
         """The newest instant."""
@@ -41,7 +96,7 @@ class RosFlight:
             state=node.state,
             applied=node.applied,
             reference=node.reference,
-            wind=self._disturbance.wind(node.k),
+            wind=self._disturbance.wind(node.k) + self._gust,
             deviations=np.array([telemetry.get(f"std_{name}", np.nan) for name in self.plant.control_names]),
             solve_time_s=telemetry.get("solve_time", np.nan),
         )
@@ -51,5 +106,12 @@ class RosFlight:
         return np.array(self._rows).reshape(-1, self.signals.count)
 
     def look_ahead(self, seconds: float = 0.0) -> tuple[Array, Array]:
-        """Nothing: the controller flies in another process."""
-        return np.empty((0, 1, len(self._node.state))), np.empty((0, len(self._node.applied)))
+        """States (S, steps + 1, n) to the horizon, or further, and what the actuators then hold (S, a)."""
+        k, now, controller = self._node.k, self.now(), self._controller
+        control = now.applied[: len(self.plant.control_names)]
+        if isinstance(controller, UnscentedTransformController):
+            known = np.isfinite(now.deviations).all()
+            controller.reset(control, np.diag(now.deviations**2) if known else None)
+            controller.explain(now.state, self._reference.preview(k, controller.preview_steps + 1))
+        at_least = round(seconds / self.scenario.dt_s)
+        return look_ahead(controller, self._model, self._reference, k, now.state, control, at_least)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.metrics import CONVERGED_SHARE
-from skydiver_utc.analysis.units import shown, shown_disturbance
+from skydiver_utc.analysis.units import disturbance_words, shown, shown_disturbance
 from skydiver_utc.loop.run import Run
 
 Floats = NDArray[np.float64]
@@ -118,11 +118,18 @@ def _states(run: Run) -> Iterator[Signal]:
 
 
 def _disturbances(run: Run) -> Iterator[Signal]:
-    """Wind, and measured less true state, by unit."""
+    """Wind, measured less true state, and pushes, by unit."""
     for name, values in zip(run.disturbance_names, run.disturbance.T, strict=True):
         scale = shown_disturbance(run.plant, name)
-        chart = "wind" if name.startswith("wind_") else "measured less true state"
-        yield Signal("Disturbances", chart, scale.unit, scale.name, scale.factor * values, "value", True)
+        yield Signal(
+            "Disturbances",
+            disturbance_words(name),
+            scale.unit,
+            scale.name,
+            scale.factor * values,
+            "value",
+            True,
+        )
 
 
 def _calls(run: Run) -> Iterator[Signal]:

@@ -100,7 +100,7 @@ def test_a_plant_without_a_wind_has_no_gust_and_other_controllers_predict_their_
     lqr = {"controller": {"kind": "lqr"}}
     flight = LiveFlight(override(cart(), lqr))
     flight.advance(0.5)
-    assert flight.gust is None
+    assert flight.gusts.settings is None
     assert not any("deviation" in chart.title for chart in flight.signals.charts())
     with pytest.raises(ParameterError, match="wind"):
         flight.blow()

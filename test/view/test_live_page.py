@@ -96,6 +96,18 @@ def test_a_live_flight_is_drawn_and_obeys(open_page):
         assert browser.get_by_text("Share", exact=True).count() == 0
 
 
+def test_a_refused_value_is_named_and_its_control_goes_back():
+    flight = LiveFlight(load_scenario("fast_turn_unknown_dynamics"))
+    page = LivePage(flight, port=8191)
+    control = page.handles["controller.P_err"]
+    before = control.value
+    for value, kept in ((2e-4, 2e-4), (-1.0, 2e-4), (before, before)):
+        control.value = value
+        page.frame(0.0)
+        assert control.value == flight.scenario.controller.P_err == kept
+    page.stop()
+
+
 def test_recorded_runs_play_side_by_side_on_a_phone(open_page):
     scenario = load_scenario("turn_360_left", {"duration_s": 3.0})
     other = override(scenario, {"reference.angle_deg": -360.0})

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A flight over ROS that its page changes: sliders, ghost, push, gust and pause; the bag has all of it."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ros_fixtures import PATIENCE_S, Ros, overrides
+
+from skydiver_utc.analysis.controller_check import check
+from skydiver_utc.analysis.recorded_run import RecordedRun
+from skydiver_utc.loop.plant_steps import PlantSteps
+from skydiver_utc.messages import read_state
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.controller_node import ControllerNode
+from skydiver_utc.nodes.observed_run import ObservedRun
+from skydiver_utc.nodes.plant_node import PlantNode
+from skydiver_utc.nodes.recorder_node import RecorderNode
+from skydiver_utc.nodes.reference_node import ReferenceNode
+from skydiver_utc.parameters import ParameterError
+from skydiver_utc.view.live_flight import LiveFlight
+from skydiver_utc.view.ros_flight import RosFlight
+
+pytest_plugins = ("ros_fixtures",)
+
+
+@contextmanager
+def spinning(ros: Ros) -> Iterator[None]:
+    """The nodes work in a thread of their own, as they do in their processes."""
+    done = threading.Event()
+
+    def spin() -> None:
+        while not done.is_set():
+            ros.executor.spin_once(timeout_sec=0.02)
+
+    thread = threading.Thread(target=spin)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
+
+
+def wait(condition: Callable[[], object]) -> None:
+    """Until a condition holds that other threads bring about."""
+    never = threading.Event()
+    for _ in range(round(PATIENCE_S / 0.02)):
+        if condition():
+            return
+        never.wait(0.02)
+    raise AssertionError("the condition did not come true")
+
+
+@pytest.mark.long
+def test_sliders_ghost_push_and_gust_reach_the_flight_and_the_bag(ros: Ros, tmp_path: Path) -> None:
+    given = overrides(6.0)
+    recorder = ros.add(RecorderNode(ros.context, given | {"out": str(tmp_path / "bag")}))
+    plant = ros.add(PlantNode(ros.context, given | {"wait_for_recorder": True}))
+    controller = ros.add(ControllerNode(ros.context, given | {"wait_for_recorder": True}))
+    ros.add(ReferenceNode(ros.context, given))
+    with spinning(ros):
+        observed = ObservedRun("skydiver", PATIENCE_S, ros.context)
+        observed.pause(True)
+        flight = RosFlight(observed)
+        wait(lambda: flight.now().time_s == plant.k * plant.scenario.dt_s)
+        stands_at = plant.k
+
+        # The ghost is where the model goes under the applied command; its spread that of a flight in this process.
+        ghost, held = flight.look_ahead(0.3)
+        control, state = flight.now().applied[:4], flight.now().state
+        np.testing.assert_array_equal(held[0, :4], control)
+        for predicted in ghost[0]:
+            np.testing.assert_array_equal(predicted, state)
+            flight.plant.bound_model.step(state.copy(), control, state)
+        beside = LiveFlight(plant.scenario)
+        beside.advance((stands_at - 0.5) * plant.scenario.dt_s)
+        expected, _ = beside.look_ahead(0.3)
+        assert ghost.shape == expected.shape
+        spread, expected_spread = (np.ptp(each[:, -1, 12]) for each in (ghost, expected))
+        assert spread == pytest.approx(expected_spread, rel=0.5)
+
+        assert flight.changes == ("controller",)
+        flight.change({"controller.P_err": 2e-4})
+        assert controller.get_parameter("controller.P_err").value == 2e-4
+        for name, value in (("controller.P_err", -1.0), ("controller.horizon_steps", 10_000)):
+            with pytest.raises(ParameterError):
+                flight.change({name: value})
+        assert flight.scenario.controller.P_err == 2e-4
+        assert RosFlight(observed).scenario == flight.scenario  # of a page that is opened later
+
+        flight.push("wz", 1.0)
+        flight.blow()
+        assert plant.k == stands_at
+        observed.pause(False)
+        while not plant.done:
+            flight.advance(0.01)
+            wait(lambda: plant.done or flight.now().time_s > flight.history()[-1][0])
+        wait(lambda: recorder.done)
+        observed.close()
+    assert recorder.close() == 0
+    recording = RecordedRun(tmp_path / "bag")
+    run, checked = recording.run(), check(recording)
+    assert checked.equal
+    assert [change.of_scenario for change in run.changes] == [{"controller.P_err": 2e-4}]
+    pushes = dict(zip(run.disturbance_names, run.disturbance.T, strict=True))
+    assert pushes["push_wz"].tolist().count(1.0) == np.count_nonzero(pushes["push_wz"]) == 1
+    assert np.abs(np.cumsum(pushes["push_vy"])).max() > 1.0  # the gust
+    # What is recorded flies again, bit for bit.
+    again = PlantSteps(run.scenario)
+    again.begin()
+    for k, command in enumerate(run.commands):
+        change = np.array([pushes.get(f"push_{n}", np.zeros(k + 2))[k + 1] for n in run.plant.state_names])
+        again.pushed = change if change.any() else None
+        again.step(command)
+        np.testing.assert_array_equal(again.state, run.states[k + 1])
+
+
+def test_a_push_acts_at_the_next_step_and_one_of_a_place_is_refused(ros: Ros) -> None:
+    plant = ros.add(PlantNode(ros.context, overrides(0.5, mode="real_time")))
+    ros.add(ControllerNode(ros.context, overrides(0.5, mode="real_time")))
+    ros.add(ReferenceNode(ros.context, overrides(0.5)))
+    partner = ros.partner()
+    states, pushed = partner.receive(topics.STATE), partner.receive(topics.PUSHED)
+    push = partner.publisher(topics.PUSH)
+    ros.spin_until(lambda: push.get_subscription_count())
+    for name in ("z", "nothing"):
+        push.publish(topics.PUSH.type(name=[name], position=[1.0]))
+    ros.spin_until(lambda: plant.refusals.counts["names"] == 2)
+    push.publish(topics.PUSH.type(name=["wx"], position=[3.0]))
+    ros.spin_until(lambda: plant.done and len(states) > plant.k and pushed)
+    (found,) = pushed
+    at = plant.grid.step_of(found.header.stamp)
+    rates = [read_state(message, found.name)[10] for message in states]
+    assert rates[at] - rates[at - 1] == pytest.approx(3.0, abs=0.5)
