@@ -75,7 +75,7 @@ class FlightView:
             f"{node}/forces", nothing, _FORCE, shaft_radius=0.008, head_radius=0.02, head_length=0.05
         )
         self._wind = scene.add_arrows(f"{node}/wind", nothing, _WIND)
-        self._line = scene.add_line_segments(f"{node}/path", nothing, colors=_PATH, thickness=3.0)
+        self._line = scene.add_line_segments(f"{node}/path", nothing, colors=_PATH, thickness=0.015)
 
     def add_charts(self, span: tuple[float, float] | None = None) -> None:
         """Add the charts to the part of the page that is open."""

@@ -70,15 +70,28 @@ def test_a_live_flight_is_drawn_and_obeys(open_page):
     with served(LivePage(flight, port=8190)) as page:
         shown = opened(open_page, page)
         browser = shown.page
+        # The gust of a click turns the body otherwise than the same flight turns without it.
+        browser.get_by_role("button", name="Gust", exact=True).click()
+        wait(shown, lambda: np.linalg.norm(flight.now().wind) > 1.0)
+        begun = flight.now().time_s
+        wait(shown, lambda: flight.now().time_s > begun + 1.0)
+        page.later("stop", page.toggle)
+        wait(shown, lambda: not page.playing)
+        blown, still = flight.now(), LiveFlight(flight.scenario)
+        still.advance(blown.time_s - 0.5 * flight.scenario.dt_s)
+        assert still.now().time_s == blown.time_s
+        assert abs(blown.state[12] - still.now().state[12]) > np.deg2rad(0.5)
+        # The path of the last seconds is a line, and hides nothing.
+        is_of_path = np.abs(shown.pixels(SCENE).astype(int) - (204, 121, 167)).max(axis=2) < 25
+        assert 10 < np.count_nonzero(is_of_path) < 0.05 * is_of_path.size
+        page.later("play", page.toggle)
+
         # The slider of the amplitude, moved by its arrow key, turns the body otherwise.
         browser.locator("[role=slider][aria-valuenow='400']").first.focus()
         for _ in range(18):
             browser.keyboard.press("ArrowLeft")
         wait(shown, lambda: flight.scenario.reference.amplitude_deg_s == 40.0)
         wait(shown, lambda: abs(flight.now().state[12]) < np.deg2rad(60.0))
-
-        browser.get_by_role("button", name="Gust", exact=True).click()
-        wait(shown, lambda: np.linalg.norm(flight.now().wind) > 1.0)
 
         browser.locator(SCENE).click()
         browser.keyboard.press("Space")
@@ -94,6 +107,20 @@ def test_a_live_flight_is_drawn_and_obeys(open_page):
         assert shown.outside == []
         assert page.server.get_host() == "127.0.0.1"
         assert browser.get_by_text("Share", exact=True).count() == 0
+
+
+def test_a_live_flight_on_a_phone_at_night(open_page):
+    flight = LiveFlight(load_scenario("fast_turn_unknown_dynamics"))
+    flight.advance(1.0)
+    with served(LivePage(flight, port=8192)) as page:
+        shown = opened(open_page, page, width=390, height=844)
+        shown.page.get_by_text("View", exact=True).click()
+        shown.page.get_by_label("dark", exact=True).click()
+        wait(shown, lambda: shown.pixels(SCENE)[:200].mean() < 100.0)
+        assert shown.colours(SCENE) > 50
+        assert shown.page.evaluate("document.documentElement.scrollWidth") <= 390
+        assert shown.errors == []
+        assert shown.outside == []
 
 
 def test_a_refused_value_is_named_and_its_control_goes_back():
