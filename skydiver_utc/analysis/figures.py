@@ -5,11 +5,9 @@ import itertools
 import textwrap
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.labels import at_the_latest, missing
@@ -35,14 +33,18 @@ from skydiver_utc.loop.run import Run
 from skydiver_utc.references.profiles import Rotation
 from skydiver_utc.references.tables import Points
 
+if TYPE_CHECKING:  # it is imported only where a figure is drawn
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 CONTROL_COLOURS = (GREEN, VERMILLION, PURPLE, BLUE)
 Floats = NDArray[np.float64]
 _LEAST_RANGE, _LARGEST = 1e-6, 1e30  # of an axis, in its unit
-Panel = tuple[float, Callable[[Axes], None]]  # height, and how to draw it
+Panel = tuple[float, Callable[["Axes"], None]]  # height, and how to draw it
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def tracking_figure(run: Run) -> Figure:
+def tracking_figure(run: Run) -> "Figure":
     """Each tracked output over its reference with its error, and the controls between their limits.
 
     Open loop: all outputs of the plant. A skydiver's rotation: the angle turned, too. `png` makes it 1200
@@ -92,7 +94,7 @@ def _panels(run: Run) -> list[Panel]:
     return found
 
 
-def _draw_title(figure: Figure, run: Run, values: dict[str, Any]) -> None:
+def _draw_title(figure: "Figure", run: Run, values: dict[str, Any]) -> None:
     inches = figure.get_figheight()
     title = textwrap.shorten(run.scenario.title or run.scenario.name, width=80, placeholder=" ...")
     figure.text(0.02, 1.0 - 0.16 / inches, title, fontsize=13, fontweight="bold", va="top")
@@ -114,7 +116,7 @@ def _draw_title(figure: Figure, run: Run, values: dict[str, Any]) -> None:
     figure.text(0.02, 1.0 - 0.61 / inches, shortened, va="top", fontsize=8.5, color=VERMILLION)
 
 
-def _draw_output(axes: Axes, run: Run, name: str) -> None:
+def _draw_output(axes: "Axes", run: Run, name: str) -> None:
     scale = shown(run.plant, name)
     axes.plot(run.time_s, _drawn(scale.factor * run.output(name)), color=BLUE, linewidth=1.3)
     low, high = axes.get_ylim()
@@ -123,7 +125,7 @@ def _draw_output(axes: Axes, run: Run, name: str) -> None:
     axes.set_ylabel(scale.label.replace(" [", "\n["))
 
 
-def _draw_tracked(axes: Axes, run: Run, j: int) -> None:
+def _draw_tracked(axes: "Axes", run: Run, j: int) -> None:
     name = run.tracked_names[j]
     scale, reach = shown(run.plant, name), _reach(run, j)
     actual, wanted = (_drawn(scale.factor * each) for each in (run.output(name), run.reference[:, j]))
@@ -139,7 +141,7 @@ def _draw_tracked(axes: Axes, run: Run, j: int) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.0)
 
 
-def _draw_error(axes: Axes, run: Run, j: int) -> None:
+def _draw_error(axes: "Axes", run: Run, j: int) -> None:
     assert run.error is not None
     scale = shown(run.plant, run.tracked_names[j])
     error, band = (
@@ -166,7 +168,7 @@ def _draw_error(axes: Axes, run: Run, j: int) -> None:
         )  # fmt: skip
 
 
-def _draw_angle(axes: Axes, run: Run) -> None:
+def _draw_angle(axes: "Axes", run: Run) -> None:
     """The angle turned, with the wanted one and how far the end is from it."""
     reference, turned = run.scenario.reference, angle_turned_deg(run)
     if isinstance(reference, Rotation) and run.first_step == 0 and not run.holes:
@@ -184,7 +186,7 @@ def _disturbance_label(run: Run, name: str) -> str:
     return f"{textwrap.fill(disturbance_words(name), 14)} [{shown_disturbance(run.plant, name).unit}]"
 
 
-def _draw_disturbance(axes: Axes, run: Run, names: list[str]) -> None:
+def _draw_disturbance(axes: "Axes", run: Run, names: list[str]) -> None:
     """Disturbances of one unit."""
     for name, colour in zip(names, itertools.cycle(CONTROL_COLOURS), strict=False):
         scale, column = shown_disturbance(run.plant, name), run.disturbance_names.index(name)
@@ -194,7 +196,7 @@ def _draw_disturbance(axes: Axes, run: Run, names: list[str]) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.96), ncols=len(names), borderaxespad=0.0)
 
 
-def _draw_control(axes: Axes, run: Run, j: int) -> None:
+def _draw_control(axes: "Axes", run: Run, j: int) -> None:
     name, colour = run.plant.control_names[j], CONTROL_COLOURS[j % len(CONTROL_COLOURS)]
     lower, upper = float(run.plant.minimum[j]), float(run.plant.maximum[j])
     axes.step(
@@ -219,7 +221,7 @@ def _draw_control(axes: Axes, run: Run, j: int) -> None:
     axes.set_ylabel(shown(run.plant, name, degrees=False).label.replace(" [", "\n["), fontsize=8.5)
 
 
-def _shade_settling(axes: Axes, run: Run) -> None:
+def _shade_settling(axes: "Axes", run: Run) -> None:
     """Grey out the seconds that RMSE and largest error leave out."""
     if run.time_s[0] < SETTLING_S < run.time_s[-1]:
         axes.axvspan(0.0, SETTLING_S, color=PALE, alpha=0.6, linewidth=0.0, zorder=0, label="not in the RMSE")

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The style of every figure of the package, and writing a figure to a file."""
+"""The colours of everything drawn, the style of figures, and writing a figure to a file."""
 
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+if TYPE_CHECKING:  # it is imported only where a figure is drawn
+    from matplotlib.figure import Figure
 
 # Okabe and Ito's palette: told apart with every common colour vision.
 BLUE, ORANGE, VERMILLION, GREEN, PURPLE = "#0072B2", "#E69F00", "#D55E00", "#009E73", "#AA4499"
+SKY, PINK = "#56B4E9", "#CC79A7"
 INK, GREY, PALE = "#222222", "#777777", "#EDEDED"
 PLATE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 1.5}
 
@@ -43,29 +43,42 @@ _STYLE: dict[Any, Any] = {
 _STAMP = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}
 
 
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Red, green and blue of a colour, 0 to 255."""
+    red, green, blue = bytes.fromhex(colour[1:])
+    return red, green, blue
+
+
 @contextmanager
 def house_style() -> Iterator[None]:
     """The package's style, whatever the user has set."""
+    import matplotlib
+
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_STYLE)
         yield
 
 
-def empty_figure(width: float, height: float) -> Figure:
+def empty_figure(width: float, height: float) -> "Figure":
     """A figure [inches] that needs no display."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(width, height))
     FigureCanvasAgg(figure)
     return figure
 
 
-def png(figure: Figure) -> bytes:
+def png(figure: "Figure") -> bytes:
     """The figure as PNG."""
     return picture(figure, "png")
 
 
-def picture(figure: Figure, form: str) -> bytes:
+def picture(figure: "Figure", form: str) -> bytes:
     """The figure as png (150 pixels per inch), svg or pdf; its bytes depend on it and on matplotlib's version only."""
+    import matplotlib
+
     buffer = BytesIO()
     with matplotlib.rc_context(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")  # a title may have characters that the font has not: boxes

@@ -2,11 +2,9 @@
 """The picture that shows whether an estimate can be believed."""
 
 import textwrap
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.estimation import consistencies, estimation_errors, innovations
@@ -24,6 +22,10 @@ from skydiver_utc.analysis.units import in_degrees
 from skydiver_utc.estimators.consistency import Consistency, correlation
 from skydiver_utc.loop.run import Run
 
+if TYPE_CHECKING:  # it is imported only where a figure is drawn
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 Floats = NDArray[np.float64]
 _COLOURS = (BLUE, ORANGE, PURPLE, VERMILLION)
 _LAGS = 20
@@ -32,7 +34,7 @@ _ACROSS = 3
 _HEADING: Any = {"fontsize": 13, "fontweight": "bold", "va": "top"}
 
 
-def validation_figure(run: Run) -> Figure:
+def validation_figure(run: Run) -> "Figure":
     """For each sensor its NIS and the correlation of its innovations; for each state the error and its deviation."""
     found, errors = consistencies(run), estimation_errors(run)
     below = -(-len(errors) // _ACROSS)
@@ -61,7 +63,7 @@ def validation_figure(run: Run) -> Figure:
     return figure
 
 
-def _draw_nis(axes: Axes, run: Run, name: str, sensor: Consistency, normalised: Floats) -> None:
+def _draw_nis(axes: "Axes", run: Run, name: str, sensor: Consistency, normalised: Floats) -> None:
     measured = np.isfinite(normalised).all(axis=1)
     nis, time_s = np.sum(np.square(normalised[measured]), axis=1), run.time_s[:-1][measured]
     axes.plot(time_s, nis, ".", color="#BBBBBB", markersize=2.0)
@@ -79,7 +81,7 @@ def _draw_nis(axes: Axes, run: Run, name: str, sensor: Consistency, normalised: 
     )  # fmt: skip
 
 
-def _draw_correlation(axes: Axes, sensor: Consistency, normalised: Floats) -> None:
+def _draw_correlation(axes: "Axes", sensor: Consistency, normalised: Floats) -> None:
     found = normalised[np.isfinite(normalised).all(axis=1)]
     lags = np.arange(1, min(_LAGS, len(found) - 1) + 1)
     axes.axhspan(-sensor.bound, sensor.bound, color=GREEN, alpha=0.18, linewidth=0.0)
@@ -92,7 +94,7 @@ def _draw_correlation(axes: Axes, sensor: Consistency, normalised: Floats) -> No
     axes.set_title("correlation with the innovation\nso many measurements later", fontsize=8.5, loc="left")
 
 
-def _draw_error(axes: Axes, run: Run, name: str, error: Floats, deviation: Floats) -> None:
+def _draw_error(axes: "Axes", run: Run, name: str, error: Floats, deviation: Floats) -> None:
     unit, factor = in_degrees("rad" if name.startswith("attitude_") else run.plant.units.get(name, "1"))
     time_s, error, deviation = run.time_s[:-1], factor * error, factor * deviation
     axes.fill_between(time_s, -2.0 * deviation, 2.0 * deviation, color=GREEN, alpha=0.18, linewidth=0.0)

@@ -4,6 +4,8 @@
 import base64
 import json
 import re
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -95,13 +97,15 @@ def test_an_estimator_has_its_innovations_and_errors() -> None:
 
 
 def test_wind_and_errors_of_the_measured_state_are_drawn_where_they_acted() -> None:
-    acted = np.zeros((81, 3))
-    acted[40:, 0], acted[:, 1] = 5.0, np.deg2rad(2.0)
-    run = turning(disturbance=acted, disturbance_names=("wind_x", "error_wz", "error_vx"))
+    acted = np.zeros((81, 4))
+    acted[40:, 0], acted[:, 1], acted[60, 3] = 5.0, np.deg2rad(2.0), 1.0
+    run = turning(disturbance=acted, disturbance_names=("wind_x", "error_wz", "error_vx", "push_vz"))
     found = {chart["title"]: chart for chart in charts([run], [""]) if chart["section"] == "Disturbances"}
     assert found["wind"]["curves"][0]["y"].max() == 5.0
     (error,) = found["measured less true state"]["curves"]
     np.testing.assert_allclose(error["y"], 2.0)
+    (push,) = found["pushed by"]["curves"]
+    assert push["y"].argmax() == 60
 
 
 def test_another_plant_has_its_own_signals() -> None:
@@ -154,6 +158,11 @@ def test_20_s_of_a_skydiver_are_2_5_mb_at_most_and_take_6_s_of_cpu_at_most() -> 
     text = page(run)
     assert time.process_time() - begin < 6.0
     assert len(text.encode()) < 2.5e6
+
+
+def test_the_command_loads_no_library_of_figures() -> None:
+    code = "import sys, skydiver_utc.cli.report; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 @pytest.fixture(scope="module")
