@@ -4,7 +4,7 @@
 `python examples/film.py docs/figures/skydiver.gif` films the paper's fast turn.
 """
 
-import argparse
+import sys
 from pathlib import Path
 
 import matplotlib
@@ -42,9 +42,9 @@ def body(plant, state, applied):
     return np.concatenate(faces), bright[:, None]
 
 
-def film(scenario, seconds, path):
-    """Fly a scenario and write its film."""
-    run = simulate(load_scenario(scenario, {"duration_s": seconds}))
+def film(path):
+    """Fly, and write the film."""
+    run = simulate(load_scenario("fast_turn_unknown_dynamics", {"duration_s": 5.0}))
     steps = np.arange(0, len(run.applied), round(1.0 / (RATE_HZ * run.scenario.dt_s)))
     tracked = run.plant.output_names.index(run.tracked_names[0])
     rate, wanted = np.rad2deg(run.plant.outputs(run.states)[:, tracked]), np.rad2deg(run.reference[:, 0])
@@ -80,9 +80,4 @@ def film(scenario, seconds, path):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("path", type=Path, help="the film, a .gif")
-    parser.add_argument("--scenario", default="fast_turn_unknown_dynamics")
-    parser.add_argument("--seconds", type=float, default=5.0, help="of the run")
-    given = parser.parse_args()
-    film(given.scenario, given.seconds, given.path)
+    film(Path(sys.argv[1]))

@@ -68,6 +68,7 @@ def _page_over_ros(namespace: str, port: int, stack: ExitStack) -> "Page":
         node_environment({**os.environ, "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or "0"})
     )
     from skydiver_utc.nodes.observed_run import ObservedRun
+    from skydiver_utc.view.live_controls import LivePage
     from skydiver_utc.view.ros_flight import RosFlight
 
     click.echo(f"waiting for {namespace} on ROS domain {os.environ['ROS_DOMAIN_ID']}", err=True)

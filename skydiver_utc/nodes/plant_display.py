@@ -13,12 +13,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 from skydiver_utc.messages import fill_named, fill_pose
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.node import ScenarioNode
-from skydiver_utc.plants.protocol import Plant
+from skydiver_utc.plants.protocol import FORCE_M_PER_N, Plant
 
 Vector = NDArray[np.float64]
 
 _RATE_HZ = 25.0
-_M_PER_N, _LINE_WIDTH_M = 0.004, 0.012  # of a force's line
+_LINE_WIDTH_M = 0.012  # of a force's line
 _BODY_COLOR = ColorRGBA(r=0.0, g=0.45, b=0.70, a=1.0)
 _FORCE_COLOR = ColorRGBA(r=0.90, g=0.62, b=0.0, a=1.0)
 
@@ -78,7 +78,7 @@ class PlantDisplay:
         for marker, pose in zip(self._shapes, poses, strict=True):
             fill_pose(marker.pose.position, marker.pose.orientation, pose)
         centres = poses[: len(forces), :3]
-        ends = np.stack([centres, centres + _M_PER_N * forces], axis=1).reshape(-1, 3)
+        ends = np.stack([centres, centres + FORCE_M_PER_N * forces], axis=1).reshape(-1, 3)
         self._lines.points = [Point(x=x, y=y, z=z) for x, y, z in ends.tolist()]
         markers = [*self._shapes, self._lines] if len(forces) else self._shapes
         for marker in markers:

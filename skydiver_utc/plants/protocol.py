@@ -94,6 +94,9 @@ class Reduced(NamedTuple):
     expand: Callable[[Array], Array]
 
 
+FORCE_M_PER_N = 0.004  # length of a drawn force
+
+
 class Shape(NamedTuple):
     """An ellipsoid that a display draws for a part of a plant: its half axes (3,) [m] along the part's x, y, z."""
 

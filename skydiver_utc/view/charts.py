@@ -6,15 +6,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.analysis.style import BLUE, GREEN, ORANGE, PINK, SKY
 from skydiver_utc.view.live_signals import Chart, Signals
 
 if TYPE_CHECKING:  # it is imported only where a page is shown
     from viser import GuiApi
 
 Array = NDArray[np.float64]
-# Okabe and Ito's palette: told apart with every common colour vision, on light and on dark ground.
-_COLOURS = ("#E69F00", "#0072B2", "#009E73", "#CC79A7")
-_AHEAD, _AXIS = "#56B4E9", "#888888"
+_COLOURS, _AHEAD, _AXIS = (ORANGE, BLUE, GREEN, PINK), SKY, "#888888"
 _HEIGHT = 170  # pixels
 
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.plants.protocol import Plant
+from skydiver_utc.analysis.style import GREEN, PINK, SKY, VERMILLION, rgb
+from skydiver_utc.plants.protocol import FORCE_M_PER_N, Plant
 from skydiver_utc.view.charts import Ahead, Charts
 from skydiver_utc.view.live_signals import Instant, Signals
 from skydiver_utc.view.scene import PlantShapes
@@ -16,9 +17,8 @@ if TYPE_CHECKING:  # it is imported only where a page is shown
     from viser import ViserServer
 
 Array = NDArray[np.float64]
-_GHOST, _FORCE, _WIND, _PATH = (86, 180, 233), (213, 94, 0), (0, 158, 115), (204, 121, 167)
-# Lengths of arrows: of a force of a Newton, and of a wind of 1 m/s [m].
-_M_PER_N, _M_PER_M_S = 0.004, 0.1
+_GHOST, _FORCE, _WIND, _PATH = rgb(SKY), rgb(VERMILLION), rgb(GREEN), rgb(PINK)
+_M_PER_M_S = 0.1  # of the arrow of a wind
 _PATH_S = 10.0  # how far the path looks back
 _WIND_FROM = np.array([0.0, 0.0, 0.8])
 
@@ -91,7 +91,7 @@ class FlightView:
             self._draw_path(now.time_s, now.state[:3] if self._follows else poses[0, :3])
             forces = plant.shape_forces(now.state, now.applied) if self.shown["forces"] else np.empty((0, 3))
             tails = poses[: len(forces), :3] - self._origin
-            self._forces.points = _segments(tails, tails + _M_PER_N * forces)
+            self._forces.points = _segments(tails, tails + FORCE_M_PER_N * forces)
             blows = self.shown["wind"] and now.wind.any()
             tail = (self._place + _WIND_FROM)[np.newaxis]
             self._wind.points = _segments(tail, tail + _M_PER_M_S * now.wind)[: int(blows)]

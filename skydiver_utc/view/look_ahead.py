@@ -39,8 +39,3 @@ def look_ahead(
     applied = np.tile(model.initial_applied(), (len(states), 1))
     applied[:, : len(control)] = controls
     return states, applied
-
-
-def nothing_ahead(plant: Plant) -> tuple[Array, Array]:
-    """The same without a prediction: S = 0."""
-    return np.empty((0, 1, len(plant.state_names))), np.empty((0, len(plant.initial_applied())))

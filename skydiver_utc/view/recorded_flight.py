@@ -4,7 +4,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.loop.build import build_disturbances
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.view.live_signals import Instant, Signals
@@ -26,7 +25,8 @@ class RecordedFlight:
         self.name, self.plant, self.tracked = name, run.plant, run.tracked_names
         self.begins_s, self.ends_s, self.ended = float(run.time_s[0]), float(run.time_s[-1]), ""
         self._run, self._time_s = run, self.begins_s
-        self._disturbance = build_disturbances(run.scenario, run.plant)
+        columns = [i for i, name in enumerate(run.disturbance_names) if name.startswith("wind_")]
+        self._wind = np.nan_to_num(run.disturbance[:, columns]) if columns else np.zeros((len(run.states), 3))
         self._deviations = [
             run.telemetry_names.index(f"std_{name}") if f"std_{name}" in run.telemetry_names else None
             for name in run.plant.control_names
@@ -56,7 +56,7 @@ class RecordedFlight:
         return shown
 
     def look_ahead(self, seconds: float = 0.0) -> tuple[Array, Array]:
-        """Nothing: a recording has no controller."""
+        """Nothing, S = 0: a recording has no controller."""
         return np.empty((0, 1, len(self.plant.state_names))), np.empty((0, len(self.plant.initial_applied())))
 
     @property
@@ -68,13 +68,12 @@ class RecordedFlight:
         run, step = self._run, max(0, min(i, len(self._run.commands) - 1))
         applied = self.plant.initial_applied()
         applied[: run.applied.shape[1]] = run.applied[step]
-        k = run.first_step + i
         return Instant(
             time_s=float(run.time_s[i]),
             state=run.states[i],
             applied=applied,
             reference=run.reference[i],
-            wind=self._disturbance.wind(k),
+            wind=self._wind[i],
             deviations=np.array([np.nan if j is None else run.telemetry[step, j] for j in self._deviations]),
             solve_time_s=float(run.solve_time_s[step]),
         )

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from skydiver_utc.analysis import style
 from skydiver_utc.analysis.labels import missing, rows
 from skydiver_utc.analysis.numbers import SETTLING_S
 from skydiver_utc.analysis.units import shown
@@ -57,7 +58,7 @@ def report_html(flown: Sequence[Flown]) -> str:
         configuration="".join(_configuration(one, alone) for one in flown),
         scene=_json(player_page([runs[i] for i in seen], colours)) if seen else "",
         data=_json(_data(runs, [one.name for one in flown])),
-        css=(page / "report.css").read_text(encoding="utf-8"),
+        css=Template((page / "report.css").read_text(encoding="utf-8")).substitute(vars(style)),
         script=(page / "report.js").read_text(encoding="utf-8"),
     )
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.analysis.style import BLUE, GREEN, ORANGE, PURPLE, VERMILLION, rgb
 from skydiver_utc.plants.protocol import Plant
 
 if TYPE_CHECKING:  # it is imported only where a body is shown
@@ -17,9 +18,9 @@ if TYPE_CHECKING:  # it is imported only where a body is shown
 Floats = NDArray[np.float64]
 Colour = tuple[int, int, int]
 
-# Okabe and Ito's: told apart with every common colour vision. Left and right show which way a body turns.
-LEFT, RIGHT, MIDDLE = (0, 114, 178), (230, 159, 0), (150, 158, 166)
-RUNS: tuple[Colour, ...] = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (170, 68, 153))
+# Left and right show which way a body turns.
+LEFT, RIGHT, MIDDLE = rgb(BLUE), rgb(ORANGE), (150, 158, 166)
+RUNS: tuple[Colour, ...] = (rgb(BLUE), rgb(VERMILLION), rgb(GREEN), rgb(PURPLE))
 _POINTS = 24  # of the unit sphere around its equator
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import paper_utc
 import pydantic
 import pytest
+from runs import CART
 
 from skydiver_utc.parameters import (
     ParameterError,
@@ -216,6 +217,14 @@ def test_another_skydiver_is_refused_where_one_is_written_out(tmp_path):
     assert "written out" in refused({"plant.skydiver": "athlete"}, str(path))
     with pytest.raises(ParameterError, match=r"plant\.skydiver"):
         override(SCENARIOS[FAST], {"plant.skydiver": "athlete"})
+
+
+def test_a_setting_of_a_control_with_a_dot_in_its_name_is_found():
+    text = CART.replace("force", "arm.force").replace(
+        "{kind: open_loop}", "{kind: utc, horizon_steps: 5, Pu: {arm.force: 0.1}}"
+    )
+    scenario = override(from_yaml(text), {"controller.Pu.arm.force": 0.2})
+    assert dict(scenario.controller.Pu) == {"arm.force": 0.2}
 
 
 @pytest.mark.parametrize("name", SCENARIOS)

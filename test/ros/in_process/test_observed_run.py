@@ -48,9 +48,10 @@ def test_the_newest_state_and_controls_are_shown_once_the_plant_counts_steps(con
         """Diagnostics of a plant that has begun, after a while of one that has not; with each the same step."""
         for count in range(10_000):
             step = K if count > 20 else -1
+            text = "soon" if count % 5 == 4 else str(step)  # of a plant that is none of ours
             if step < 0:
                 subscribed_early.append(publishers["state"].get_subscription_count())
-            status = DiagnosticStatus(name="anna/plant", values=[KeyValue(key="step", value=str(step))])
+            status = DiagnosticStatus(name="anna/plant", values=[KeyValue(key="step", value=text)])
             publishers["/diagnostics"].publish(DiagnosticArray(status=[status]))
             grid, state = StepGrid(scenario.stamp_ns(0), scenario.dt_ns), topics.STATE.type()
             grid.set_stamp(state.header.stamp, K)
