@@ -41,6 +41,12 @@ def imported(source, out, *arguments):
     return printed, dict(map(parse_setting, words[4::2])), words[1:]
 
 
+@pytest.fixture(scope="module")
+def arms(tmp_path_factory):
+    """The example, imported."""
+    return imported(ARMS, tmp_path_factory.mktemp("arms") / "arms.yaml")
+
+
 def measured(path):
     """Times (n,) and whole postures (n, 45) [rad] of a CSV file, read without the package."""
     table = np.genfromtxt(path, delimiter=",", names=True)
@@ -56,9 +62,9 @@ def test_the_example_is_written_by_its_script():
     assert done.stdout == ARMS.read_text(encoding="utf-8")
 
 
-def test_the_path_meets_every_measured_posture(tmp_path):
+def test_the_path_meets_every_measured_posture(arms):
     """As the plant will move: within the tolerance, and within what the command says."""
-    printed, settings, _ = imported(ARMS, tmp_path / "arms.yaml")
+    printed, settings, _ = arms
     scenario = load_scenario("bank_recovery", settings)
     assert isinstance(scenario.plant.pattern, PosturePath)
     time_s, postures = measured(ARMS)
@@ -72,9 +78,9 @@ def test_the_path_meets_every_measured_posture(tmp_path):
     assert kept < 30
 
 
-def test_the_printed_command_flies_the_motion(tmp_path):
+def test_the_printed_command_flies_the_motion(arms):
     """Every measured posture is taken at its time: within the tolerance and a step of the fastest joint."""
-    _, settings, words = imported(ARMS, tmp_path / "arms.yaml")
+    _, settings, words = arms
     result = CliRunner().invoke(main, [*words, "--json"])
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["outcome"] == "completed"
@@ -198,7 +204,7 @@ def test_an_angle_far_beyond_the_joint_limits_is_named_with_its_time(tmp_path):
     [
         ("arms.csv", [], "must end in .yaml"),
         ("nowhere/arms.yaml", [], "a folder that exists"),
-        ("arms.yaml", ["--tolerance", "-1"], "--tolerance"),
+        *(("arms.yaml", ["--tolerance", value], "--tolerance") for value in ("nan", "inf", "0", "-1")),
         ("arms.yaml", ["--set", "plant.posture=sitting"], "there is no posture 'sitting'"),
     ],
 )
@@ -258,7 +264,7 @@ def test_a_motion_too_quick_for_the_table_is_refused_with_its_error(tmp_path):
     assert list(tmp_path.glob("*.yaml")) == []
 
 
-@pytest.mark.parametrize("name", ["1", "on", "1e3", "my arms #1", "a: b", "it's", '"Ärmel"', " x", "[a, b]"])
+@pytest.mark.parametrize("name", ["1", "my arms #1", "it's", '"Ärmel"', "[a, b]"])
 def test_a_command_names_any_file(name, tmp_path, monkeypatch):
     """Relative, so that nothing before the name keeps YAML from reading a number or a list."""
     monkeypatch.chdir(tmp_path)
@@ -287,11 +293,6 @@ def test_times_that_cannot_be_flown_are_refused(time_s, words, tmp_path):
     assert list(tmp_path.glob("*.yaml")) == []
 
 
-@pytest.mark.parametrize("tolerance", ["nan", "inf", "0", "-1"])
-def test_a_tolerance_that_cannot_be_kept_is_refused(tolerance, tmp_path):
-    assert "--tolerance" in refused(ARMS, tmp_path / "a.yaml", "--tolerance", tolerance)
-
-
 def test_postures_that_do_not_move_are_refused(tmp_path):
     """Not even by the noise of a measurement."""
     source = arms_of(tmp_path / "still.csv", [0.0, 1.0, 2.0], [10.0, 10.09, 10.01])
@@ -304,9 +305,9 @@ def test_settings_that_do_not_go_with_the_path_are_refused_before_a_file_is_writ
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("taken", ["arms.yaml", "arms_start.yaml"])
-def test_a_file_that_exists_is_kept_unless_forced(taken, tmp_path):
-    """The first posture's file, too, which the command line does not name."""
+def test_a_file_that_exists_is_kept_unless_forced(tmp_path):
+    """Here that of the first posture, which the command line does not name."""
+    taken = "arms_start.yaml"
     (tmp_path / taken).write_text("mine", encoding="utf-8")
     message = refused(ARMS, tmp_path / "arms.yaml")
     assert f"{tmp_path / taken} exists: choose another file, or add --force" in message

@@ -17,8 +17,8 @@ from skydiver_utc.plants.skydiver.steady import HeldBody, straight_falls
 from skydiver_utc.rotations import world_up
 
 # The last of each is the bound of the setting.
-STEPS_S = (0.0042, 0.012, 0.03, 0.1, 1.0)
-YAW, ROLL, PITCH = (0.5, 50.0), (0.0, 8.0, 50.0), (0.0, 50.0)
+STEPS_S = (0.0042, 0.03, 1.0)
+YAW, ROLL, PITCH = (0.5, 50.0), (8.0, 50.0), (0.0, 50.0)
 FALL = load_scenario("bank_recovery")
 
 
@@ -65,8 +65,8 @@ def test_every_accepted_step_falls_straight_and_every_refusal_names_one_that_is_
             assert f"dt = {dt_s:g} s" in sentence
             skydiver(longest_step(sentence), *dampings)
         refused, accepted = refused + bool(sentence), accepted + (not sentence)
-    assert accepted > 10
-    assert refused > 10
+    assert accepted > 4
+    assert refused > 4
 
 
 @pytest.mark.parametrize(

@@ -77,8 +77,7 @@ def test_utc_tracks_the_pitch_rate_of_a_layout(name, rmse, largest):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("bank_deg", [-10.0, 10.0])
-@pytest.mark.parametrize("name", LAYOUTS)
+@pytest.mark.parametrize(("name", "bank_deg"), zip(LAYOUTS, (-10.0, 10.0, 10.0, -10.0), strict=True))
 def test_a_layout_comes_round_from_a_bank(name, bank_deg):
     on_the_back = name.startswith("back")
     banked = math.copysign(180.0, -bank_deg) + bank_deg if on_the_back else bank_deg

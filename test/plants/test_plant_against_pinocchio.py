@@ -62,13 +62,10 @@ def test_accelerations_agree(name, seed):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", POSTURES)
-def test_trajectory_agrees(name):
+def test_trajectory_agrees():
     """One second from a tumbling start, 20 000 steps, against SciPy's DOP853 on Pinocchio's acceleration."""
-    posture, constants = (
-        oracle_posture(SCENARIOS[name], joint_angles(SCENARIOS[name])),
-        oracle_constants(SCENARIOS[name]),
-    )
+    scenario = SCENARIOS["head_down"]
+    posture, constants = oracle_posture(scenario, joint_angles(scenario)), oracle_constants(scenario)
     body = FreeBody(posture)
     control = np.array([1.0, 0.5, 1.5, 0.0])
 
@@ -81,7 +78,7 @@ def test_trajectory_agrees(name):
     start = np.array([0.0, 0.0, 0.0, 0.1, -0.2, 0.3, 0.0, 5.0, -3.0, -55.0, 0.5, -0.4, 2.0])
     start[6] = np.sqrt(1.0 - start[3:6] @ start[3:6])
     expected = solve_ivp(derivative, (0.0, 1.0), start, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
-    step = step_of(MODELS[name]._replace(dt=5e-5))
+    step = step_of(MODELS["head_down"]._replace(dt=5e-5))
     state = start.copy()
     for _ in range(20_000):
         step(state, control, state)

@@ -154,13 +154,12 @@ class TestTuning:
         assert summary.influence["Pu.Cm_damp_yaw"] == -1.0
 
     @pytest.mark.long
-    @pytest.mark.parametrize("name", [flown.UNKNOWN, flown.PI])
-    def test_the_sign_by_the_damping_is_insensitive_and_the_printed_one_is_not(self, name: str) -> None:
+    def test_the_sign_by_the_damping_is_insensitive_and_the_printed_one_is_not(self) -> None:
         printed, by_damping = (
-            summarise(tune(load_scenario(scenario), 3.0, 12, 1, 1, lambda _count: None)).converged
-            for scenario in (name, f"{name}_insensitive")
+            summarise(tune(load_scenario(scenario), 3.0, 6, 1, 1, lambda _count: None)).converged
+            for scenario in (flown.UNKNOWN, f"{flown.UNKNOWN}_insensitive")
         )
-        assert by_damping >= 10 > printed
+        assert by_damping >= 5 > 3 >= printed
 
     def test_a_short_study_and_its_table(self) -> None:
         scenario = load_scenario("fast_turn_pi_dynamics", {"duration_s": 2.2})
