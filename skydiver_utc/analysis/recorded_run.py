@@ -33,8 +33,7 @@ from skydiver_utc.messages import (
     run_id_of,
 )
 from skydiver_utc.parameters import ParameterError, Scenario, from_yaml, leaves, override
-from skydiver_utc.recording.namespace import namespace_of
-from skydiver_utc.recording.reader import RecordedTopic, read_bag
+from skydiver_utc.recording.reader import RecordedTopic, namespace_of, read_bag
 
 # What the controller node adds to the controller's own telemetry.
 _SOLVE_TIME, _STATUS = "solve_time", "status"

@@ -12,8 +12,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.body.keyframes import Keyframes
-from skydiver_utc.body.movement import movement
+from skydiver_utc.body.movement import Keyframes, movement
 from skydiver_utc.body.posture import joint_angle_names, joint_ranges, joint_rows, posture_angles
 from skydiver_utc.body.segments import JOINTS
 from skydiver_utc.cli.errors import CommandError

@@ -115,7 +115,7 @@ def _component(
     """One component, its sign such that the largest of its accelerations is positive."""
     import numpy as np
 
-    from skydiver_utc.plants.skydiver.pattern_effect import EFFECTS, pattern_effect
+    from skydiver_utc.plants.skydiver.pattern_report import EFFECTS, pattern_effect
 
     effect = pattern_effect(scenario, found.mean, found.directions[i])
     largest = int(np.abs(effect).argmax())

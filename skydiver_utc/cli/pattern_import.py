@@ -36,7 +36,7 @@ def import_(
     and named. As many postures are kept as the tolerance needs; how many, how far the path is from the others and
     how exact the plant's table of it is, is printed with the command that flies it.
     """
-    from skydiver_utc.body.keyframes import thin
+    from skydiver_utc.body.movement import thin
     from skydiver_utc.cli import motion
     from skydiver_utc.parameters import Posture
 

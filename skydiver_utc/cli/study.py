@@ -15,7 +15,7 @@ from skydiver_utc.cli.settings import load_skydiver
 from skydiver_utc.cli.study_run import run_study, show_run
 
 if TYPE_CHECKING:
-    from skydiver_utc.studies.tuning_summary import TuningSummary
+    from skydiver_utc.studies.tuning import TuningSummary
 
 
 @click.group()
@@ -63,9 +63,8 @@ def tuning(
 
     FOLDER receives tuning.json, tuning.png and a table of every run.
     """
-    from skydiver_utc.studies.tuning import check_tunable, tune
+    from skydiver_utc.studies.tuning import check_tunable, summarise, tune
     from skydiver_utc.studies.tuning_files import summaries_to_json, write_study
-    from skydiver_utc.studies.tuning_summary import summarise
 
     scenarios = [check_tunable(load_skydiver(name, settings)) for name in names]
     prepare_folder(out)
@@ -110,7 +109,7 @@ def _show(summaries: "Sequence[TuningSummary]") -> None:
     from rich.console import Console
     from rich.text import Text
 
-    from skydiver_utc.studies.tuning_page import count_rows, head, influence_rows
+    from skydiver_utc.studies.tuning_files import count_rows, head, influence_rows
 
     for title, rows in (
         ("Random tunings", count_rows(summaries)),

@@ -8,8 +8,7 @@ decoder, so this room imports neither. Reading returns arrays or raises `Message
 from skydiver_utc.messages.errors import MessageError, Refusals
 from skydiver_utc.messages.grid import StepGrid
 from skydiver_utc.messages.named import fill_named, read_named
-from skydiver_utc.messages.odometry import POSE_TWIST_NAMES, fill_odometry, read_odometry
-from skydiver_utc.messages.pose import fill_pose
+from skydiver_utc.messages.odometry import POSE_TWIST_NAMES, fill_odometry, fill_pose, read_odometry
 from skydiver_utc.messages.preview import PreviewStore, fill_preview, read_preview
 from skydiver_utc.messages.sensors import fill_sensor, read_sensor
 from skydiver_utc.messages.state import fill_state, read_state

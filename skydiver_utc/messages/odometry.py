@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.messages.errors import MessageError, refuse_non_finite
-from skydiver_utc.messages.pose import fill_pose
 
 Vector = NDArray[np.float64]
 
@@ -44,3 +43,8 @@ def read_odometry(message: Any, frames: tuple[str, str] | None = None) -> Vector
     if abs(length - 1.0) > _ROUNDING:
         state[3:7] /= length
     return state
+
+
+def fill_pose(position: Any, quaternion: Any, pose: NDArray[np.float64]) -> None:
+    """Write a pose (7,) into a Point or Vector3 and a Quaternion."""
+    position.x, position.y, position.z, quaternion.x, quaternion.y, quaternion.z, quaternion.w = pose.tolist()

@@ -15,7 +15,7 @@ from types import FrameType
 
 from skydiver_utc.errors import REFUSED, ParameterError
 from skydiver_utc.nodes import discovery
-from skydiver_utc.parameters.node_usage import usage
+from skydiver_utc.parameters.nodes import usage
 
 _LOOK_S = 1.5  # discovery takes this long, on a busy machine longer
 _WAIT_S = 0.05

@@ -10,9 +10,8 @@ from typing import Any
 
 from skydiver_utc.errors import ParameterError
 from skydiver_utc.parameters.conversion import Unresolved, convert
-from skydiver_utc.parameters.merging import merged
 from skydiver_utc.parameters.registry import refuse_other_code, search_modules_in
-from skydiver_utc.parameters.scenario import Scenario
+from skydiver_utc.parameters.scenario import Scenario, merged
 from skydiver_utc.parameters.yaml_io import (
     parse_yaml,
     read_yaml,

@@ -3,7 +3,7 @@
 
 import difflib
 from collections.abc import Mapping
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from skydiver_utc.errors import ParameterError
 from skydiver_utc.parameters.conversion import checked
@@ -162,3 +162,36 @@ def _refuse_unknown(names: Mapping[str, object], model: type[NodeSettings]) -> N
             close = difflib.get_close_matches(name, [*model.model_fields, *Scenario.model_fields], 1)
             hint = f"did you mean {close[0]}" if close else "take it out, or see --help for the names"
             raise ParameterError(f"unknown parameter {name}: {hint}")
+
+
+_OF_SCENARIO = (
+    "",
+    "Every scalar of the scenario can be given, too, by its dotted name, such as controller.horizon_steps.",
+)
+
+
+def usage(kind: str) -> str:
+    """The text of `<kind>_node --help`."""
+    model = SETTINGS[kind]
+    fields = model.model_fields
+    width = max(map(len, fields))
+    rows = [f"  {name:{width}}  {_default(field)}  {field.description}" for name, field in fields.items()]
+    return "\n".join(
+        [
+            f"usage: {kind}_node [--ros-args -p NAME:=VALUE ... --params-file FILE ...]",
+            "",
+            (model.__doc__ or "").strip(),
+            "",
+            "parameters:",
+            *rows,
+            *(_OF_SCENARIO if "scenario" in fields else ()),
+        ]
+    )
+
+
+def _default(field: Any) -> str:
+    if field.is_required():
+        return "(needed)"
+    value = list(field.default) if isinstance(field.default, tuple) else field.default
+    unit = (field.json_schema_extra or {}).get("unit", "1")
+    return f"{value if value != '' else '(empty)'}" + (f" {unit}" if unit != "1" else "")

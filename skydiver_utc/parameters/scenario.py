@@ -9,7 +9,6 @@ from pydantic import ConfigDict, SerializeAsAny, model_validator
 from typing_extensions import Self
 
 from skydiver_utc.parameters.fields import Parameters, SlotSettings, quantity, text
-from skydiver_utc.parameters.merging import merged
 from skydiver_utc.parameters.nanoseconds import NANOSECONDS
 from skydiver_utc.parameters.registry import settings_class
 
@@ -96,3 +95,17 @@ class Scenario(Parameters):
     def stamp_ns(self, k: int) -> int:
         """Simulated time of step k in integer nanoseconds."""
         return self.epoch_s * NANOSECONDS + k * self.dt_ns
+
+
+def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    """Fields of `over` laid over those of `base`, block by block."""
+    result = dict(base)
+    for key, value in over.items():
+        old = result.get(key)
+        if isinstance(old, dict) and isinstance(value, dict):
+            # A block of another kind (a sine for a constant) or with a name (a posture) replaces the old one whole.
+            whole = "name" in value or value.get("kind", old.get("kind")) != old.get("kind")
+            result[key] = value if whole else merged(old, value)
+        else:
+            result[key] = value
+    return result

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.parameters.nanoseconds import seconds, stamp_ns
-from skydiver_utc.recording.namespace import namespace_of
 from skydiver_utc.recording.number_table import numbers, refuse_twice, text_of
 from skydiver_utc.recording.opensim import ENDINGS, read_opensim
-from skydiver_utc.recording.reader import read_bag
+from skydiver_utc.recording.reader import namespace_of, read_bag
 
 _TOPIC = "joint_states"
 _TIME = "time_s"

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.parameters.nanoseconds import NANOSECONDS
-from skydiver_utc.recording.namespace import namespace_of
-from skydiver_utc.recording.reader import RecordedTopic
+from skydiver_utc.recording.reader import RecordedTopic, namespace_of
 
 CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
 # Logs and parameter events of the recorded nodes would stand among those of today's.

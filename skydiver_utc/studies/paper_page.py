@@ -10,7 +10,7 @@ from skydiver_utc.studies.claim import Verdict
 from skydiver_utc.studies.markdown import figure, table
 from skydiver_utc.studies.paper_results import QUICK_S, PaperResults
 from skydiver_utc.studies.sensitivity import sensitivity_section
-from skydiver_utc.studies.tuning_page import tuning_section
+from skydiver_utc.studies.tuning_files import tuning_section
 
 CONFIGURATION_HEAD = ("configuration", "code", "RMSE", "largest", "converged", "peak", "effort", "airspeed")
 QUICK_WARNING = f"The quick form: only the first {QUICK_S:g} s of each run. Its figures mean nothing."

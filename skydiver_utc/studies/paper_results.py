@@ -13,7 +13,7 @@ from skydiver_utc.rotations import world_up
 from skydiver_utc.studies.cases import Case, Done, Measures, case, measure, run_all, whole
 from skydiver_utc.studies.paper_cases import FIGURES, M0_C2, all_cases
 from skydiver_utc.studies.sensitivity import Calibration
-from skydiver_utc.studies.tuning_summary import TuningSummary
+from skydiver_utc.studies.tuning import TuningSummary
 
 QUICK_S = 5.0
 _PUSHED_S = 1.0

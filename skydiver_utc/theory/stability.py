@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from skydiver_utc.plants.linear import LinearModel
 from skydiver_utc.theory.bound import Ball, ball
-from skydiver_utc.theory.closed_loop import apart_from_rest, closed_loop_matrix, decay
 from skydiver_utc.theory.linear_plant import to_the_horizon
 from skydiver_utc.theory.riccati import Riccati, output_riccati
 from skydiver_utc.theory.steady_gain import SteadyGain, steady_gain
@@ -63,3 +62,31 @@ def analyse(plant: LinearModel, steps: int, Qu: Array, P_err: Array, nonlinearit
         riccati=output_riccati(plant, Pu, P_err, steps),
         ball=ball(distance, pushed) if decay(distance) < 1.0 else None,
     )
+
+
+def closed_loop_matrix(plant: LinearModel, K: Array, steps: int) -> Array:
+    """Z (n+m, n+m) = [[A - B K F, B (I - K H)], [-K F, I - K H]], F and H of the horizon.
+
+    For one step and C = I this is Z of arXiv 2504.08579, [[(I - B K) A, (I - B K) B], [-K A, I - K B]].
+    """
+    F, H = to_the_horizon(plant, steps)
+    kept = np.eye(len(K)) - K @ H
+    return np.block([[plant.A - plant.B @ K @ F, plant.B @ kept], [-K @ F, kept]])
+
+
+def apart_from_rest(plant: LinearModel, K: Array) -> Array:
+    """Orthonormal basis W (n+m, p) of what is across the states of rest of the loop.
+
+    Any (x, u) with x = A x + B u and K C x = 0 stays where it is: Z has the eigenvalue 1 there, at least m - l
+    times. The distance from rest is |W'z|, and it moves with W'Z W.
+    """
+    n, m = plant.B.shape
+    conditions = np.block([[plant.A - np.eye(n), plant.B], [K @ plant.C, np.zeros((m, m))]])
+    _, values, right = np.linalg.svd(conditions)
+    across: Array = right[: int((values > 1e-10 * values[0]).sum())].T
+    return across
+
+
+def decay(matrix: Array) -> float:
+    """Spectral radius: by how much what is slowest shrinks in a step."""
+    return float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0))

@@ -14,8 +14,7 @@ from click.testing import CliRunner
 from postures import NAMES, csv_of, direction_of, neutral
 from recordings import bag_of_postures
 
-from skydiver_utc.body.keyframes import thin
-from skydiver_utc.body.movement import movement
+from skydiver_utc.body.movement import movement, thin
 from skydiver_utc.body.posture import configuration
 from skydiver_utc.body.segments import build_body
 from skydiver_utc.cli.main import main

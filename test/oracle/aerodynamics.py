@@ -126,17 +126,11 @@ def unit_quaternion(x: Array) -> Array:
     return x
 
 
-def euler(f: Callable[[Array], Array], x: ArrayLike, dt: float) -> Array:
-    """x + dt f(x), then the quaternion is normalised."""
-    x = np.asarray(x, dtype=float)
-    return unit_quaternion(x + dt * f(x))
-
-
 def rk4(f: Callable[[Array], Array], x: ArrayLike, dt: float) -> Array:
     """x + dt/6 (k1 + 2 k2 + 2 k3 + k4), control and posture held over dt.
 
     The quaternion is normalised at the end, not between the stages. Whether state_derivative normalises it
-    for the rotation changes one step by a few dt^5 (1e-9 m/s for dt = .0042 s at 7 rad/s), Euler not at all.
+    for the rotation changes one step by a few dt^5 (1e-9 m/s for dt = .0042 s at 7 rad/s).
     """
     x = np.asarray(x, dtype=float)
     k1 = f(x)

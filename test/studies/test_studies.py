@@ -30,9 +30,18 @@ from skydiver_utc.studies.paper_files import read_comparison, to_json, write_com
 from skydiver_utc.studies.paper_page import details, page
 from skydiver_utc.studies.paper_results import HandPush, PaperResults, StepCost, hand_push, run_comparison
 from skydiver_utc.studies.sensitivity import NUMBERS, Calibration, calibrations, changed
-from skydiver_utc.studies.tuning import FACTORS, Tuning, Tunings, check_tunable, draw, retuned, to_csv, tune
+from skydiver_utc.studies.tuning import (
+    FACTORS,
+    Tuning,
+    Tunings,
+    check_tunable,
+    draw,
+    retuned,
+    summarise,
+    to_csv,
+    tune,
+)
 from skydiver_utc.studies.tuning_files import table_file
-from skydiver_utc.studies.tuning_summary import summarise
 from skydiver_utc.theory.riccati import Riccati, output_riccati
 
 pytestmark = pytest.mark.long
