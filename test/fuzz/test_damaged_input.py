@@ -41,7 +41,7 @@ from skydiver_utc.recording.joint_angles import read_joint_angles
 from skydiver_utc.recording.reader import RecordedTopic, read_bag
 from skydiver_utc.recording.recovery import recover, survey
 
-COUNT = int(os.environ.get("SKYDIVER_UTC_FUZZ", "100"))
+COUNT = int(os.environ.get("SKYDIVER_UTC_FUZZ", "40"))
 SEED = int(os.environ.get("SKYDIVER_UTC_FUZZ_SEED", "1"))
 LONGEST_S, MOST_BYTES = 5.0, 2**30
 NAMES = joint_angle_names()

@@ -80,8 +80,14 @@ def with_another(topic: str, encoding: str, schema: tuple[str, str, bytes] | Non
         ("cdr", ("pkg/msg/Own", "ros2msg", b"Own self\n")),
     ],
 )
-@pytest.mark.parametrize("topic", ["/notes", "/a"])
 def test_what_is_no_ros_message_is_ignored_and_recovered(
+    bag: Path, tmp_path: Path, encoding: str, schema: tuple[str, str, bytes] | None
+) -> None:
+    for topic in ("/notes", "/a") if encoding == "json" else ("/notes",):
+        ignored_and_recovered(bag, tmp_path / topic[1:], encoding, schema, topic)
+
+
+def ignored_and_recovered(
     bag: Path, tmp_path: Path, encoding: str, schema: tuple[str, str, bytes] | None, topic: str
 ) -> None:
     def attached(writer: Writer) -> None:
@@ -124,11 +130,10 @@ def test_messages_compressed_one_by_one_stay_so(bag: Path, tmp_path: Path) -> No
         assert [bytes(data) for _, _, data in reader.messages()] == [row.cdr for row in ROWS]
 
 
-BOMB = 1_500_000_000
+BOMB = 300_000_000
 
 
-@pytest.mark.parametrize("compression", ["zstd", "lz4"])
-@pytest.mark.parametrize("claim", [BOMB, 1000])
+@pytest.mark.parametrize(("compression", "claim"), [("zstd", BOMB), ("zstd", 1000), ("lz4", 1000)])
 def test_a_chunk_that_unpacks_to_very_much_is_damaged(tmp_path: Path, compression: str, claim: int) -> None:
     if compression == "zstd":
         packer = zstandard.ZstdCompressor().compressobj(size=BOMB)

@@ -450,7 +450,7 @@ def test_damage_is_never_read_as_data(bag, tmp_path, sent):
     data = (bag / "flight_0.mcap").read_bytes()
     groups = by_topic(sent)
     refused = 0
-    for position in range(40, len(data), max(1, len(data) // 150)):
+    for position in range(40, len(data), max(1, len(data) // 50)):
         damaged = bytearray(data)
         damaged[position] ^= 0x5A
         path = tmp_path / "damaged.mcap"
@@ -463,7 +463,7 @@ def test_damage_is_never_read_as_data(bag, tmp_path, sent):
         for name, items in groups.items():
             assert recorded[name].log_times_ns.tolist() == [item.log_time_ns for item in items]
             assert_same(items[-1].message, recorded[name].messages[-1])
-    assert refused > 10
+    assert refused > 5
 
 
 def test_several_chunks_keep_the_order_and_a_lost_one_is_refused(tmp_path):
