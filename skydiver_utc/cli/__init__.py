@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The commands of ``skydiver-utc``, one module each; `main` imports a module only when its command is used."""
+"""The commands of ``skydiver-utc``, one file each: options, help, and a body that imports what it needs."""

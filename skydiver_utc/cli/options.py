@@ -76,7 +76,6 @@ out_file = click.option("--out", type=PATH, metavar="FILE.yaml", help="Write her
 out_folder = click.option(
     "--out", type=PATH, metavar="FOLDER", help="Write files into this folder; made if missing."
 )
-seed = click.option("--seed", default=1, show_default=True, type=Count(0), help="Seed of random numbers.")
 workers = click.option(
     "--workers", default=2, show_default=True, type=Count(1, 256),
     help="Processes that simulate at the same time.",
