@@ -71,5 +71,5 @@ def test_pages_of_one_run_and_of_two(folder: Path, tmp_path: Path) -> None:
 
 
 def test_commands_that_show_no_body_load_no_viewer() -> None:
-    code = "import sys, skydiver_utc.cli.simulate, skydiver_utc.cli.analyse; sys.exit('viser' in sys.modules)"
+    code = "import sys, skydiver_utc.cli.simulate, skydiver_utc.view.report; sys.exit('viser' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
