@@ -33,9 +33,9 @@ exit code
     "--out", required=True, type=options.PATH, metavar="FOLDER",
     help="Write the skydiver here; a search that was interrupted here is continued.",
 )  # fmt: skip
-@click.option("--seed", default=1, show_default=True, type=options.Count(0), help="Seed of the search.")
+@options.seed
 @click.option(
-    "--evaluations", type=options.Count(1), help="How many skydivers to try, instead of the file's number."
+    "--evaluations", type=click.IntRange(1), help="How many skydivers to try, instead of the file's number."
 )
 @options.as_json
 @options.quiet

@@ -40,25 +40,6 @@ def number(text: object) -> float:
     return yaml_io.number(str(text))
 
 
-class _Written(click.ParamType):  # type: ignore[type-arg]
-    """Takes numbers that are written as in YAML."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        try:
-            number(value)
-        except ValueError as error:
-            self.fail(str(error), param, ctx)
-        return super().convert(value, param, ctx)
-
-
-class Count(_Written, click.IntRange):
-    """The type of a whole number."""
-
-
-class Factor(_Written, click.FloatRange):
-    """The type of a factor."""
-
-
 scenario = click.argument("scenario", metavar="SCENARIO")
 run_folder = click.argument("folder", metavar="RUN", type=PATH)
 settings = click.option(
@@ -76,7 +57,10 @@ out_file = click.option("--out", type=PATH, metavar="FILE.yaml", help="Write her
 out_folder = click.option(
     "--out", type=PATH, metavar="FOLDER", help="Write files into this folder; made if missing."
 )
+seed = click.option(
+    "--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of every random draw."
+)
 workers = click.option(
-    "--workers", default=2, show_default=True, type=Count(1, 256),
+    "--workers", default=2, show_default=True, type=click.IntRange(1, 256),
     help="Processes that simulate at the same time.",
 )  # fmt: skip

@@ -47,9 +47,7 @@ def neutral(scenario: str, settings: Sequence[str], out: Path | None, force: boo
     "--kind", type=click.Choice(list(PATTERN_KINDS)), default=DEFAULT_KIND, show_default=True,
     help="Positive alpha turns left, lowers the head, slides to the left, or falls slower.",
 )  # fmt: skip
-@click.option(
-    "--seed", default=1, show_default=True, type=options.Count(0), help="Seed of the random starts."
-)
+@options.seed
 @options.out_file
 @options.force
 def design(

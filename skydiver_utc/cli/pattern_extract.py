@@ -31,7 +31,7 @@ _LISTED = 0.999
     "--component",
     default=1,
     show_default=True,
-    type=options.Count(1),
+    type=click.IntRange(1),
     help="Which one to write, by falling variance.",
 )
 @options.out_file

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option("--real-time", is_flag=True, help="Step by the clock instead of waiting for each command.")
 @click.option(
-    "--delay-steps", default=0, show_default=True, type=options.Count(0, 50),
+    "--delay-steps", default=0, show_default=True, type=click.IntRange(0, 50),
     help="Let the controller predict the state so many steps ahead; a real-time command acts one step later.",
 )  # fmt: skip
 @options.as_json

@@ -31,7 +31,7 @@ _OF_BALL = {
     help="Pattern angle [rad] of the steady turn; 0: the straight fall.",
 )  # fmt: skip
 @click.option(
-    "--steps", type=options.Count(1, 500), help="Prediction steps, instead of those of the settings."
+    "--steps", type=click.IntRange(1, 500), help="Prediction steps, instead of those of the settings."
 )
 @options.settings
 @options.as_json

@@ -39,11 +39,11 @@ study.add_command(show_run, "show")
 @options.settings
 @click.option(
     "--factor", "reaches", multiple=True, default=(3.0,), show_default=True,
-    type=options.Factor(1.0, 100.0, min_open=True),
+    type=click.FloatRange(1.0, 100.0, min_open=True),
     help="Largest factor on a covariance, and the inverse of the smallest. Repeatable.",
 )  # fmt: skip
-@click.option("--count", default=200, show_default=True, type=options.Count(2), help="Tunings per scenario.")
-@click.option("--seed", default=1, show_default=True, type=options.Count(0), help="Seed of the tunings.")
+@click.option("--count", default=200, show_default=True, type=click.IntRange(2), help="Tunings per scenario.")
+@options.seed
 @options.out_folder
 @options.workers
 @options.as_json

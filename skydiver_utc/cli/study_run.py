@@ -78,7 +78,7 @@ def run_study(
 
 @click.command(cls=options.Computing, epilog=options.EXIT_CODES, short_help="Fly one run of a study again.")
 @click.argument("study", metavar="STUDY")
-@click.argument("number", metavar="RUN", type=options.Count(0))
+@click.argument("number", metavar="RUN", type=click.IntRange(0))
 @_out
 @click.option("--record", is_flag=True, help="Fly it over ROS 2 and record it, as `skydiver-utc run` does.")
 @options.as_json
