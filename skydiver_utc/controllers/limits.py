@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bounds and rates of a control vector, as controllers keep them."""
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +17,12 @@ def limits_of(plant: Plant) -> Array:
     return np.array([plant.minimum, plant.maximum, plant.rate * plant.dt_s])
 
 
-def limited(wanted: Array, previous: Array, limits: Array) -> Array:
+def all_finite(values: Array) -> bool:
+    """Whether a few numbers (n,) are finite; `np.isfinite(values).all()` costs several times as much."""
+    return all(map(math.isfinite, values.tolist()))
+
+
+def limited(wanted: Array, previous: Array, limits: Sequence[Array] | Array) -> Array:
     """A control (m,) inside its bounds, then inside its largest change from the previous one."""
     minimum, maximum, change = limits
     # Not np.clip: called each control step on a few numbers, it costs several times as much.
@@ -27,7 +35,7 @@ class LimitedController:
     """A controller whose whole memory is the control applied last (m,), inside the plant's limits (3, m)."""
 
     def __init__(self, plant: Plant) -> None:
-        self._limits, self._initial = limits_of(plant), plant.initial_control()
+        self._limits, self._initial = tuple(limits_of(plant)), plant.initial_control()
         self.reset()
 
     def reset(self) -> None:

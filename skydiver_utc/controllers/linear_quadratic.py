@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.controllers.horizon import cost_of
-from skydiver_utc.controllers.limits import LimitedController, limited
+from skydiver_utc.controllers.limits import LimitedController, all_finite, limited
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import LqrSettings
 from skydiver_utc.plants.protocol import Plant, Reduced
@@ -120,10 +120,11 @@ class LinearQuadraticController(LimitedController):
         reference = preview - self._plant.outputs
         ahead = np.einsum("jcl,jl->c", self._gains.preview, reference[1:])
         wanted = self._previous - self._gains.feedback @ xi + ahead
-        if not np.isfinite(wanted).all():
+        if not all_finite(wanted):
             return Decision(self._previous.copy(), np.zeros(len(self.telemetry_names)), Status.KEPT_PREVIOUS)
         control = limited(wanted, self._previous, self._limits)
         self._previous = control
-        error = float(np.hypot.reduce(reference[0] - self._plant.C @ z, initial=0.0))
-        status = Status.SOLVED if (control == wanted).all() else Status.SATURATED
-        return Decision(control.copy(), np.array([error, np.abs(wanted - control).max()]), status)
+        error = abs(np.hypot.reduce(reference[0] - self._plant.C @ z))
+        beyond = max(map(abs, (wanted - control).tolist()))
+        status = Status.SOLVED if beyond == 0.0 else Status.SATURATED
+        return Decision(control.copy(), np.array([error, beyond]), status)

@@ -4,7 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.controllers.limits import LimitedController, limited
+from skydiver_utc.controllers.limits import LimitedController, all_finite, limited
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import PoseSettings
 from skydiver_utc.plants.protocol import Plant
@@ -23,20 +23,22 @@ class PoseController(LimitedController):
     ) -> None:
         if {"Cm_damp_yaw", "alpha"} - set(plant.control_names):
             raise ValueError("the pose controller is for a plant with the controls Cm_damp_yaw and alpha")
-        self._settings, self._plant = settings, plant
+        self._settings = settings
+        self._outputs_of, self._outputs = plant.bound_model.outputs, np.empty(len(plant.output_names))
         self._output = plant.output_names.index(outputs[0])
         self._damping_at, self._alpha_at = map(plant.control_names.index, ("Cm_damp_yaw", "alpha"))
         super().__init__(plant)
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """u = K_p (yr_ref - yr_real) + K_FF yr_ref, bounded and slewed."""
-        reference = preview[0, 0]
-        error = reference - self._plant.outputs(state)[self._output]
+        reference = float(preview[0, 0])
+        self._outputs_of(state, self._outputs)
+        error = reference - float(self._outputs[self._output])
         feed_forward = self._settings.K_FF * reference
         alpha = self._settings.K_p * error + feed_forward
         wanted = np.zeros(len(self._previous))
         wanted[self._damping_at], wanted[self._alpha_at] = self._damping(feed_forward), alpha
-        if not np.isfinite(wanted).all():
+        if not all_finite(wanted):
             return Decision(self._previous.copy(), np.zeros(len(self.telemetry_names)), Status.KEPT_PREVIOUS)
         self._previous = limited(wanted, self._previous, self._limits)
         status = Status.SOLVED if self._previous[self._alpha_at] == alpha else Status.SATURATED

@@ -65,7 +65,7 @@ class Decider:
         decision = self.controller.decide(estimate, preview)
         self.solve_time_s = (time.perf_counter_ns() - began_ns) * 1e-9
         self._command = decision.control
-        if not self._estimator.telemetry_names:
+        if not self._predicts:
             return decision
         return decision._replace(telemetry=np.append(decision.telemetry, self._estimator.telemetry))
 

@@ -81,7 +81,7 @@ def load_scenario(name_or_path: str, overrides: Mapping[str, object] | None = No
         if isinstance(plant, dict) and isinstance(plant.get("subject"), dict):
             raise ParameterError(f"{name_or_path} has its skydiver written out: change the fields of plant")
         content = merged(content, {"plant": {"skydiver": skydiver}})
-    return _overridden(content, changes, origin=name_or_path)
+    return _overridden(_over_defaults(_resolve_plant(content)), changes, origin=name_or_path)
 
 
 def override(scenario: Scenario, overrides: Mapping[str, object]) -> Scenario:
@@ -245,14 +245,16 @@ def named_path(field: str, name: str, beside: Path = Path()) -> Path:
 
 
 def _overridden(content: dict[str, Any], overrides: Mapping[str, object], origin: str) -> Scenario:
-    resolved, errors = _over_defaults(_resolve_plant(content)), []
+    """The scenario of resolved content, which is changed, with other values under these dotted names."""
+    resolved, errors = content, []
     for name, value in overrides.items():
         try:
             _override(resolved, name, value)
         except ParameterError as error:
             errors.append(str(error))
         # Now, so that the next override can change a field of the file, or of the kind, that this one names.
-        resolved = _with_table(_resolve_plant(resolved))
+        if isinstance(value, str | Mapping | list | tuple):
+            resolved = _with_table(_resolve_plant(resolved))
         if name.removesuffix(".kind") in _SLOTS_WITH_DEFAULTS:
             resolved = _over_defaults(resolved)
     return convert(resolved, origin, errors)

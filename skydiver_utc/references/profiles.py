@@ -252,7 +252,8 @@ class Rotation(Profile):
 
 def _value_since(time_s: float, start_s: float, function: Callable[[float], float]) -> Array:
     since_s = time_s - start_s
-    return np.array([function(since_s) if round(since_s, _DIGITS) >= 0.0 else 0.0])
+    begun = since_s >= 0.0 or round(since_s, _DIGITS) >= 0.0
+    return np.array([function(since_s) if begun else 0.0])
 
 
 def _lines(*points: tuple[float, float]) -> Shape:
@@ -278,7 +279,7 @@ def _sines(sines: list[Component]) -> Shape:
 
 
 def _sum_of_sines(since_s: float, sines: list[Component]) -> float:
-    return sum(amplitude * math.sin(rate * since_s + phase) for amplitude, rate, phase in sines)
+    return sum([amplitude * math.sin(rate * since_s + phase) for amplitude, rate, phase in sines])
 
 
 def _chirp(since_s: float, amplitude: float, phase: float, sweep: tuple[float, float, float]) -> float:

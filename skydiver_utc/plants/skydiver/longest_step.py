@@ -53,23 +53,19 @@ def fastest_damping(model: Model, initial: Array, alpha: float) -> FastestDampin
     low, high = constants.control_min, constants.control_max
     step = model._replace(parameters=constants).bound(len(high), 4).step
     initial_speed = float(np.linalg.norm(initial[7:10]))
-    down, following = -world_up(initial), np.empty(len(initial))
+    down, state, following = -world_up(initial), initial.copy(), np.empty(len(initial))
 
     def accelerations(speed: float, rates: Array, control: Array) -> Array:
         """Linear and angular ones (6,) in body axes, falling straight down."""
-        state = np.concatenate([initial[:7], speed * down, rates])
+        state[7:10], state[10:13] = speed * down, rates
         step(state, control, following)
         changed: Array = following[7:13] - state[7:13]
         return changed / _STEP_S
 
-    def damping(alpha: float) -> FastestDamping:
+    def of_rates(alpha: float) -> list[Array]:
+        """Three times the change of the accelerations (6,) from a body rate to its opposite."""
         held = np.array([high[0], 0.0, 0.0, alpha])
-        columns = [
-            accelerations(_SPEED, d, held) - accelerations(_SPEED, -d, held) for d in _RATE * np.eye(3)
-        ]
-        values, vectors = np.linalg.eig(np.transpose(columns)[3:] / (2.0 * _RATE))
-        i = int(np.argmax(np.abs(values)))
-        return FastestDamping(_AXES[int(np.argmax(np.abs(vectors[:, i])))], float(np.abs(values[i])))
+        return [accelerations(_SPEED, d, held) - accelerations(_SPEED, -d, held) for d in _RATE * np.eye(3)]
 
     def terminal_speed(hands: Array) -> float:
         control = np.array([high[0], *hands, alpha])
@@ -77,6 +73,9 @@ def fastest_damping(model: Model, initial: Array, alpha: float) -> FastestDampin
         drag = pull - float(down @ accelerations(_SPEED, np.zeros(3), control)[:3])
         return _SPEED * float(np.sqrt(max(pull, 0.0) / drag))
 
-    fastest = max(map(damping, np.linspace(low[3], high[3], _ALPHAS)), key=lambda one: one.rate)
+    changes = np.array([of_rates(alpha) for alpha in np.linspace(low[3], high[3], _ALPHAS)])
+    values, vectors = np.linalg.eig(changes[:, :, 3:].transpose(0, 2, 1) / (2.0 * _RATE))
+    fastest, i = np.unravel_index(np.argmax(np.abs(values)), values.shape)
+    axis = _AXES[int(np.argmax(np.abs(vectors[fastest, :, i])))]
     speed = max(initial_speed, terminal_speed(low[1:3]), terminal_speed(high[1:3]))
-    return fastest._replace(rate=fastest.rate * speed / _SPEED)
+    return FastestDamping(axis, float(np.abs(values[fastest, i])) * speed / _SPEED)

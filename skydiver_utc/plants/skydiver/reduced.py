@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 
 def reduced(state: Array) -> Array:
     """The eight states (8,) of a state (13,)."""
-    return np.concatenate([up_components(*state[3:7].tolist())[:2], state[10:13], state[7:10]])
+    values = state.tolist()
+    return np.array([*up_components(*values[3:7])[:2], *values[10:13], *values[7:10]])
 
 
 def expanded(z: Array) -> Array:

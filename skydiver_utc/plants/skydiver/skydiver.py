@@ -60,6 +60,7 @@ class SkydiverPlant(Plant):
         self.sensors = sensors(self.constants)
         self.minimum, self.maximum = self.constants.control_min, self.constants.control_max
         self.rate = np.array([np.inf, np.inf, np.inf, settings.limits.alpha_rate])
+        self._bounds = list(zip(self.minimum.tolist(), self.maximum.tolist(), strict=True))
         self.joint_names = joint_angle_names()
         self._body = build_body(settings.subject)
         sizes = ellipsoids(self._body)
@@ -100,10 +101,14 @@ class SkydiverPlant(Plant):
 
     def actuate(self, command: Array, before: Array) -> Array:
         """The actuators' next state (5,) under a command (4,): bounds, then rates (eq:lim)."""
-        wanted = np.minimum(np.maximum(command, self.minimum), self.maximum).tolist()
-        alpha, rate = before[3:5].tolist()
+        wanted = [
+            min(max(value, low), high)
+            for value, (low, high) in zip(command.tolist(), self._bounds, strict=True)
+        ]
+        _, _, _, alpha, rate = before.tolist()
         if self.constants.limb_reaction:
-            return np.array([*wanted[:3], *self._drive_limbs(wanted[3], alpha, rate)])
+            wanted[3:] = self._drive_limbs(wanted[3], alpha, rate)
+            return np.array(wanted)
         slew = self.constants.alpha_slew
         return np.array([*wanted[:3], min(max(wanted[3], alpha - slew), alpha + slew), 0.0])
 
@@ -120,7 +125,7 @@ class SkydiverPlant(Plant):
         wanted = math.copysign(min(braking, abs(distance) / dt, c.alpha_slew / dt), distance)
         rate_after = min(max(wanted, rate - most * dt), rate + most * dt)
         reached = alpha + 0.5 * dt * (rate + rate_after)
-        low, high = float(self.minimum[3]), float(self.maximum[3])
+        low, high = self._bounds[3]
         if not low <= reached <= high:
             reached = min(max(reached, low), high)
             rate_after = 2.0 * (reached - alpha) / dt - rate
@@ -168,13 +173,14 @@ class SkydiverPlant(Plant):
         """Empty while speed and body rate are those of a falling body."""
         values = state.tolist()
         speed, rate = math.hypot(*values[7:10]), math.hypot(*values[10:13])
-        if speed < LARGEST_SPEED_M_S and rate < LARGEST_RATE_RAD_S and all(map(math.isfinite, values)):
+        if speed < LARGEST_SPEED_M_S and rate < LARGEST_RATE_RAD_S and math.isfinite(sum(values)):
             return ""
         return f"the state left the model (speed {speed:.3g} m/s, body rate {rate:.3g} rad/s)"
 
     def mishap(self, state: Array) -> str:
         """The body rolled over, where the settings say belly to earth."""
-        upright = not self._belly_to_earth or up_components(*state[3:7].tolist())[2] >= 0.0
+        x, y = state[3:5].tolist()
+        upright = not self._belly_to_earth or up_components(x, y, 0.0, 0.0)[2] >= 0.0
         return "" if upright else "the dorsal axis went below the horizon"
 
 
