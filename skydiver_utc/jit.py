@@ -87,7 +87,12 @@ def _kernel(function: _Function, **options: str) -> _Function:
     return result
 
 
-def program(function: _Function) -> _Function:
+def unfused(function: _Function) -> _Function:
+    """A program that rounds each operation as Python does."""
+    return program(function, fastmath=False)
+
+
+def program(function: _Function, **options: Any) -> _Function:
     """Compile a function that Python calls, or another program by its `address`, and keep it on disk."""
     settings: Any = numba.config
     with global_compiler_lock:
@@ -96,7 +101,7 @@ def program(function: _Function) -> _Function:
             Path(configured or Path(__file__).parent / "__pycache__") / _sources_digest()
         )
         try:
-            compiled: Any = kept_on_disk(numba.njit(**_OPTIONS)(function), function)
+            compiled: Any = kept_on_disk(numba.njit(**_OPTIONS | options)(function), function)
         finally:
             settings.CACHE_DIR = configured
     result: _Function = compiled

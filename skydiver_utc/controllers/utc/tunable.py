@@ -3,16 +3,18 @@
 
 from collections.abc import Callable
 from copy import copy, deepcopy
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from typing_extensions import Self
 
+from skydiver_utc.controllers.roll_out import RollOut
 from skydiver_utc.controllers.utc.construction import bounds, plain, rates
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
 from skydiver_utc.controllers.utc.horizon_outputs import HorizonOutputs
-from skydiver_utc.controllers.utc.law import Law
+from skydiver_utc.controllers.utc.law import Law, draw
 from skydiver_utc.controllers.utc.output_offset import OutputOffset
 from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
 from skydiver_utc.plants.protocol import Plant
@@ -42,7 +44,8 @@ class Tunable:
     _initial_Pu: Array
     _preview_steps: int
     _telemetry_names: tuple[str, ...]
-    _roll: Callable[[Array, Array, Array], None]
+    _roll_out: RollOut
+    _example: tuple[Array, Array, Array]
     _out: Array
     # Begins anew with other settings, plant, outputs and dynamics.
     _make: Callable[..., None]
@@ -183,6 +186,11 @@ class Tunable:
             self._coupling.memory = memory["coupling"]
         if self._offset is not None:
             self._offset.memory = memory["offset_of"]
+
+    @cached_property
+    def _roll(self) -> Callable[[Array, Array, Array], None]:
+        """The roll-out of the points without an update, which a flight does not need."""
+        return self._roll_out.between(draw, None, self._law, *self._example)
 
     def _derive_P_err(self, state: Array, preview: Array) -> None:
         """Take P_err from what the initial Pu does to the outputs: by their slope at the start, or now."""

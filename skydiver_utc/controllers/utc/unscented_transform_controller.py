@@ -2,7 +2,6 @@
 """The Unscented Transform Controller, for any plant."""
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from itertools import compress
 from typing import Any
 
@@ -112,6 +111,7 @@ class UnscentedTransformController(Tunable):
             self._offset = OutputOffset(plant, found, self._steps, settings.offset_share, law.offset)
         self._n = plant.model.state_size
         self._out = np.empty(2 * self._l + m + 3)
+        self._example = np.empty(self._n), np.empty((1, self._l)), self._out
         self._run = self._roll_out.between(draw, update, law, *self._example)
         self.__dict__.pop("_roll", None)
         self._telemetry_names = (
@@ -282,15 +282,6 @@ class UnscentedTransformController(Tunable):
         """
         self._law.points[0] = self._law.control
         return self._roll_out.states(self.plant.bound_model, state, preview, steps)
-
-    @cached_property
-    def _roll(self) -> Callable[[Array, Array, Array], None]:
-        """The roll-out of the points without an update, which a flight does not need."""
-        return self._roll_out.between(draw, None, self._law, *self._example)
-
-    @property
-    def _example(self) -> tuple[Array, Array, Array]:
-        return np.empty(self._n), np.empty((1, self._l)), self._out
 
     @property
     def horizon(self) -> int:

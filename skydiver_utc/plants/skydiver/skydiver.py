@@ -15,6 +15,7 @@ from skydiver_utc.body.urdf import urdf
 from skydiver_utc.parameters import SkydiverSettings
 from skydiver_utc.parameters.skydiver import CONTROLS
 from skydiver_utc.plants.protocol import Model, Plant, Reduced, Shape
+from skydiver_utc.plants.skydiver.actuators import actuated
 from skydiver_utc.plants.skydiver.dynamics import STATE_SIZE
 from skydiver_utc.plants.skydiver.longest_step import fastest_damping
 from skydiver_utc.plants.skydiver.model import PlantModel, build_model
@@ -60,7 +61,8 @@ class SkydiverPlant(Plant):
         self.sensors = sensors(self.constants)
         self.minimum, self.maximum = self.constants.control_min, self.constants.control_max
         self.rate = np.array([np.inf, np.inf, np.inf, settings.limits.alpha_rate])
-        self._bounds = list(zip(self.minimum.tolist(), self.maximum.tolist(), strict=True))
+        limbs = np.array([dt_s, self.constants.alpha_slew, self.constants.alpha_acceleration])
+        self._actuators = np.array([self.minimum, self.maximum]), limbs, self.constants.limb_reaction
         self.joint_names = joint_angle_names()
         self._body = build_body(settings.subject)
         sizes = ellipsoids(self._body)
@@ -101,35 +103,7 @@ class SkydiverPlant(Plant):
 
     def actuate(self, command: Array, before: Array) -> Array:
         """The actuators' next state (5,) under a command (4,): bounds, then rates (eq:lim)."""
-        wanted = [
-            min(max(value, low), high)
-            for value, (low, high) in zip(command.tolist(), self._bounds, strict=True)
-        ]
-        _, _, _, alpha, rate = before.tolist()
-        if self.constants.limb_reaction:
-            wanted[3:] = self._drive_limbs(wanted[3], alpha, rate)
-            return np.array(wanted)
-        slew = self.constants.alpha_slew
-        return np.array([*wanted[:3], min(max(wanted[3], alpha - slew), alpha + slew), 0.0])
-
-    def _drive_limbs(self, target: float, alpha: float, rate: float) -> tuple[float, float]:
-        """Alpha and its rate [rad/s] one step later, on the way to a target with bounded rate and acceleration.
-
-        The rate changes evenly over the step, to the largest from which the rest can still be braked; the last steps
-        halve the distance and then stop.
-        """
-        c = self.constants
-        dt, most = c.dt, c.alpha_acceleration
-        distance = target - alpha - 0.5 * dt * rate
-        braking = most * (math.sqrt(0.25 * dt * dt + 2.0 * abs(distance) / most) - 0.5 * dt)
-        wanted = math.copysign(min(braking, abs(distance) / dt, c.alpha_slew / dt), distance)
-        rate_after = min(max(wanted, rate - most * dt), rate + most * dt)
-        reached = alpha + 0.5 * dt * (rate + rate_after)
-        low, high = self._bounds[3]
-        if not low <= reached <= high:
-            reached = min(max(reached, low), high)
-            rate_after = 2.0 * (reached - alpha) / dt - rate
-        return reached, rate_after
+        return actuated(command, before, *self._actuators)
 
     def step_control(self, before: Array, applied: Array) -> Array:
         """The state of the actuators after and before a step (10,), or the control (4,) where limbs do not react."""
