@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     "--live", metavar="SCENARIO", help="Fly this scenario in real time; its settings become sliders."
 )
 @click.option(
-    "--ros", metavar="NAMESPACE", help="Show the flight over ROS in this namespace, such as skydiver."
+    "--ros",
+    metavar="NAMESPACE",
+    help="Show and change the flight over ROS in this namespace, such as skydiver.",
 )
 @options.settings
 @click.option(

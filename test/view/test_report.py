@@ -160,8 +160,8 @@ def test_20_s_of_a_skydiver_are_2_5_mb_at_most_and_take_6_s_of_cpu_at_most() -> 
     assert len(text.encode()) < 2.5e6
 
 
-def test_the_command_loads_no_library_of_figures() -> None:
-    code = "import sys, skydiver_utc.cli.report; sys.exit('matplotlib' in sys.modules)"
+def test_a_page_needs_no_matplotlib() -> None:
+    code = "import sys, skydiver_utc.view.report; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
