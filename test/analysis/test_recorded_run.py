@@ -209,6 +209,17 @@ def test_a_reference_that_is_not_recorded_is_that_of_the_scenario(bag: Write, st
     assert np.array_equal(back.reference, np.where(missing, [2.0, 0.0], run.reference))
 
 
+def test_what_a_state_was_pushed_by_acted_at_its_step_only(bag: Write) -> None:
+    def pushed(messages: list[Message]) -> list[Message]:
+        values = named(cart(), 5, ("place", "speed"), [0.0, 2.0])
+        return [*messages, ("pushed", "sensor_msgs/msg/JointState", 5, values)]
+
+    run = read_run(bag(a_run(), pushed))
+    assert run.disturbance_names == ("push_speed",)
+    assert np.flatnonzero(run.disturbance[:, 0]).tolist() == [5]
+    assert run.disturbance[5, 0] == 2.0
+
+
 def test_telemetry_is_optional(bag: Write) -> None:
     run = a_run()
     bare = read_run(bag(run, without("controller/telemetry")))

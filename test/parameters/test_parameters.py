@@ -21,8 +21,7 @@ from skydiver_utc.parameters import (
 )
 from skydiver_utc.parameters.loading import config_folder
 from skydiver_utc.parameters.nanoseconds import stamp_ns
-from skydiver_utc.parameters.node_usage import usage
-from skydiver_utc.parameters.nodes import SETTINGS
+from skydiver_utc.parameters.nodes import SETTINGS, usage
 
 FAST = "fast_turn_unknown_dynamics"
 SCENARIOS = {name: load_scenario(name) for name in scenario_names()}

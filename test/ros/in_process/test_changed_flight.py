@@ -21,6 +21,7 @@ from skydiver_utc.nodes.plant_node import PlantNode
 from skydiver_utc.nodes.recorder_node import RecorderNode
 from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.parameters import ParameterError
+from skydiver_utc.view.live_controls import LivePage
 from skydiver_utc.view.live_flight import LiveFlight
 from skydiver_utc.view.ros_flight import RosFlight
 
@@ -84,12 +85,20 @@ def test_sliders_ghost_push_and_gust_reach_the_flight_and_the_bag(ros: Ros, tmp_
         assert spread == pytest.approx(expected_spread, rel=0.5)
 
         assert flight.changes == ("controller",)
-        flight.change({"controller.P_err": 2e-4})
-        assert controller.get_parameter("controller.P_err").value == 2e-4
-        for name, value in (("controller.P_err", -1.0), ("controller.horizon_steps", 10_000)):
-            with pytest.raises(ParameterError):
-                flight.change({name: value})
-        assert flight.scenario.controller.P_err == 2e-4
+        page = LivePage(flight, port=8196)
+        page.playing = False
+        assert not any(name.startswith("reference.") for name in page.handles)
+        for name, value, kept in (
+            ("controller.P_err", 2e-4, 2e-4),
+            ("controller.P_err", -1.0, 2e-4),
+            ("controller.horizon_steps", 500, 20),  # further than the reference is published
+        ):
+            page.handles[name].value = value
+            page.frame(0.0)
+            assert page.handles[name].value == controller.get_parameter(name).value == kept
+        page.stop()
+        with pytest.raises(ParameterError, match="reference"):
+            flight.change({"controller.horizon_steps": 500})
         assert RosFlight(observed).scenario == flight.scenario  # of a page that is opened later
 
         flight.push("wz", 1.0)
