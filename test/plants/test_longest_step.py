@@ -17,8 +17,8 @@ from skydiver_utc.plants.skydiver.steady import HeldBody, straight_falls
 from skydiver_utc.rotations import world_up
 
 # The last of each is the bound of the setting.
-STEPS_S = (0.0042, 0.03, 1.0)
-YAW, ROLL, PITCH = (0.5, 50.0), (8.0, 50.0), (0.0, 50.0)
+STEPS_S = (0.0042, 0.012, 1.0)
+YAW, ROLL, PITCH = (0.5, 50.0), (0.0, 8.0), (0.0, 50.0)
 FALL = load_scenario("bank_recovery")
 
 
