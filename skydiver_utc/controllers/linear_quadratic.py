@@ -17,14 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.controllers.horizon import cost_of
-from skydiver_utc.controllers.limits import LimitedController, all_finite, limited
+from skydiver_utc.controllers.limits import LimitedController, limits_of
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import LqrSettings
+from skydiver_utc.jit import unfused
 from skydiver_utc.plants.protocol import Plant, Reduced
 
 Array = NDArray[np.float64]
 
 _DIFFERENCE = 1e-5
+_STATUS = tuple(Status)
+# Literals for the program.
+_SOLVED, _SATURATED, _KEPT_PREVIOUS = int(Status.SOLVED), int(Status.SATURATED), int(Status.KEPT_PREVIOUS)
 
 
 class Linearised(NamedTuple):
@@ -112,19 +116,50 @@ class LinearQuadraticController(LimitedController):
         self._gains = design(self._plant, cost.control, cost.change, settings.horizon_steps)
         self.preview_steps = settings.preview_steps(dt_s)
         super().__init__(plant)
+        self._tracks = self._plant.outputs, self._gains.preview, limits_of(plant)
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """u_k = u_k-1 - K xi + F r, then the limits."""
         z = self._about.reduce(state) - self._about.state
-        xi = np.concatenate([z, self._previous - self._nominal])
-        reference = preview - self._plant.outputs
-        ahead = np.einsum("jcl,jl->c", self._gains.preview, reference[1:])
-        wanted = self._previous - self._gains.feedback @ xi + ahead
-        if not all_finite(wanted):
-            return Decision(self._previous.copy(), np.zeros(len(self.telemetry_names)), Status.KEPT_PREVIOUS)
-        control = limited(wanted, self._previous, self._limits)
+        feedback = self._gains.feedback @ np.concatenate([z, self._previous - self._nominal])
+        control, telemetry = np.empty(len(feedback)), np.empty(len(self.telemetry_names))
+        status = _tracked(
+            self._previous, feedback, preview, *self._tracks, self._plant.C @ z, control, telemetry
+        )
         self._previous = control
-        error = abs(np.hypot.reduce(reference[0] - self._plant.C @ z))
-        beyond = max(map(abs, (wanted - control).tolist()))
-        status = Status.SOLVED if beyond == 0.0 else Status.SATURATED
-        return Decision(control.copy(), np.array([error, beyond]), status)
+        return Decision(control.copy(), telemetry, _STATUS[status])
+
+
+@unfused
+def _tracked(
+    previous: Array,
+    feedback: Array,
+    preview: Array,
+    at_rest: Array,
+    gains: Array,
+    limits: Array,
+    outputs: Array,
+    control: Array,
+    telemetry: Array,
+) -> int:
+    """The status; writes the control (m,), and the distance of the outputs and how far the control is beyond limits.
+
+    feedback (m,): K xi; at_rest, outputs (l,): at the equilibrium and beside it; gains (N, m, l); limits (3, m)
+    """
+    error, beyond = 0.0, 0.0
+    for k in range(at_rest.shape[0]):
+        error = np.hypot(error, preview[0, k] - at_rest[k] - outputs[k])
+    for c in range(control.shape[0]):
+        ahead = 0.0
+        for j in range(gains.shape[0]):
+            for k in range(at_rest.shape[0]):
+                ahead += gains[j, c, k] * (preview[j + 1, k] - at_rest[k])
+        wanted, before = previous[c] - feedback[c] + ahead, previous[c]
+        if not abs(wanted) < np.inf:
+            control[:], telemetry[:] = previous, 0.0
+            return _KEPT_PREVIOUS
+        value = min(max(wanted, limits[0, c]), limits[1, c])
+        control[c] = min(max(value, before - limits[2, c]), before + limits[2, c])
+        beyond = max(beyond, abs(wanted - control[c]))
+    telemetry[0], telemetry[1] = error, beyond
+    return _SOLVED if beyond == 0.0 else _SATURATED

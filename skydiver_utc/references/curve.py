@@ -52,7 +52,8 @@ class CurveReference:
 
     def preview(self, k: int, count: int) -> Array:
         """Values (count, l) at the steps k, k+1, ..., in the unit of each output."""
-        return np.concatenate([self._at(i) for i in range(k, k + count)]).reshape(count, len(self.outputs))
+        values = [np.empty(0), *(self._at(i) for i in range(k, k + count))]
+        return np.concatenate(values).reshape(count, len(self.outputs))
 
     def _at(self, k: int) -> Array:
         found = self._kept.get(k)

@@ -20,6 +20,8 @@ def executor(workers: int, scheduler: str = "") -> Iterator[Executor]:
 
     scheduler: address of a Dask cluster that runs already, whose workers have this package
     """
+    # Before a worker imports NumPy: threads of its linear algebra would wait for one another on small matrices.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if scheduler:
         with _cluster(scheduler) as cluster:
             yield cluster
