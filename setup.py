@@ -4,7 +4,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "skydiver_utc"
-NODES = ("plant_node", "reference_node", "controller_node", "recorder_node", "player_node")
+NODES = ("plant_node", "reference_node", "estimator_node", "controller_node", "recorder_node", "player_node")
 
 
 def shared(folder: str) -> list[tuple[str, list[str]]]:

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fly over two machines with a network between them that delays and loses: ``make network``.
 
-Plant and recorder are on one machine, controller and reference on the other (`machines.py`). In lockstep the flight
+Plant and recorder are on one machine, controller and reference on the other (`machines.py`), the estimator of a
+scenario that has one on either. In lockstep the flight
 must be the simulated one bit for bit, whatever the link does; in real time every step must be accounted for and the
 skydiver stay belly to earth.
 """
@@ -56,12 +57,14 @@ class TwoMachines:
         discovery: Mapping[str, str] = MULTICAST,
         controller: Mapping[str, object] = {},
         plant: Mapping[str, object] = {},
+        scenario: str = SCENARIO,
+        estimator_at: str = "plant",
     ) -> None:
         plants, controllers = machines
         self.folder = folder
         self._environment = {**os.environ, **discovery, "ROS_DOMAIN_ID": "1", "ROS_LOG_DIR": str(folder)}
         self._environment["PYTHONPATH"] = PACKAGE_FOLDER
-        common = {"scenario": SCENARIO, "duration_s": duration_s}
+        common = {"scenario": scenario, "duration_s": duration_s}
         waiting = {**common, "wait_for_recorder": True}
         places = {
             "recorder": (plants, {**common, "out": folder / "bag"}),
@@ -69,6 +72,9 @@ class TwoMachines:
             "reference": (controllers, common),
             "plant": (plants, {**waiting, "mode": mode, "progress": True, **plant}),
         }
+        if load_scenario(scenario).has_estimator:
+            beside, _ = places[estimator_at]
+            places["estimator"] = (beside, {**waiting, "mode": mode})
         self._processes = {kind: self._start(kind, *place) for kind, place in places.items()}
 
     def _start(
@@ -131,12 +137,16 @@ def belly_to_earth(flight: Run) -> bool:
     return not any(flight.plant.mishap(state) for state in flight.states)
 
 
-def flight_over(conditions: Conditions, mode: str, duration_s: float, delay_steps: int) -> list[str]:
+def flight_over(
+    conditions: Conditions, mode: str, duration_s: float, delay_steps: int, **of_run: str
+) -> list[str]:
     """Fly once; a row of the table: what was, how it went."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="skydiver_utc_network_")))
         machines = stack.enter_context(two_machines(conditions))
-        run = TwoMachines(machines, folder, mode, duration_s, controller={"delay_steps": delay_steps})
+        run = TwoMachines(
+            machines, folder, mode, duration_s, controller={"delay_steps": delay_steps}, **of_run
+        )
         stack.callback(run.end)
         reported = run.outcome(600.0 + 2 * duration_s)
         flight = read_run(folder / "bag")
@@ -149,9 +159,21 @@ def flight_over(conditions: Conditions, mode: str, duration_s: float, delay_step
         parts = {kind: account[kind] for kind in ("on_time", "late", "stale", "lost")}
         whole = sum(parts.values()) == account["steps"] == flight.scenario.steps
         shares = ", ".join(f"{kind} {100 * n / account['steps']:.1f} %" for kind, n in parts.items())
-        judged = f"{shares}{'' if whole else ' UNACCOUNTED'}; RMSE {error:.1f} deg/s"
+        judged = f"{shares}{'' if whole else ' UNACCOUNTED'}; RMSE {error:.2f} deg/s"
         judged += "" if belly_to_earth(flight) else "; ROLLED OVER"
     return [str(conditions), mode.replace("_", " "), reported["outcome"], f"{rate:.1f}", judged]
+
+
+def flight_in_process(conditions: Conditions, duration_s: float, scenario: str) -> list[str]:
+    """The same scenario in one process, its measurements late by both ways of the link and lost as there."""
+    sensors = load_scenario(scenario).estimator.sensors
+    link = {"delay_s": 2e-3 * conditions.delay_ms, "loss": conditions.loss}
+    changes = {
+        f"estimator.sensors.{sensor}.{name}": value for sensor in sensors for name, value in link.items()
+    }
+    flight = simulate(load_scenario(scenario, {"duration_s": duration_s, **changes}))
+    error = metrics(flight)["rmse_deg_s"]
+    return [str(conditions), "in process", flight.outcome.value, "-", f"RMSE {error:.2f} deg/s"]
 
 
 @click.command()
@@ -159,15 +181,33 @@ def flight_over(conditions: Conditions, mode: str, duration_s: float, delay_step
 @click.option(
     "--mode", "modes", multiple=True, default=("lockstep", "real_time"), help="Only this one; repeatable."
 )
+@click.option("--scenario", default=SCENARIO, show_default=True, help="Scenario of all flights.")
+@click.option(
+    "--estimator-at",
+    type=click.Choice(["plant", "controller"]),
+    default="plant",
+    help="Its side of the link.",
+)
+@click.option(
+    "--link", "links", nargs=3, type=float, multiple=True, help="Delay and jitter [ms] and loss; repeatable."
+)
 @click.option("--delay-steps", default=0, show_default=True, help="Delay compensation of the controller.")
-def main(duration_s: float, modes: tuple[str, ...], delay_steps: int) -> None:
+def main(
+    duration_s: float,
+    modes: tuple[str, ...],
+    scenario: str,
+    estimator_at: str,
+    links: tuple[tuple[float, float, float], ...],
+    delay_steps: int,
+) -> None:
     """Fly in lockstep and in real time under each condition; print a table in Markdown."""
     if reason := why_not():
         raise click.ClickException(reason)
-    steps = load_scenario(SCENARIO, {"duration_s": duration_s}).steps
-    click.echo(f"{SCENARIO}, {duration_s:g} s ({steps} steps), delay_steps {delay_steps} in real time\n")
+    flown = load_scenario(scenario, {"duration_s": duration_s})
+    steps, each = flown.steps, [Conditions(*link) for link in links] or CONDITIONS
+    click.echo(f"{scenario}, {duration_s:g} s ({steps} steps), delay_steps {delay_steps} in real time\n")
     click.echo("| link: delay each way, loss | round trip of a datagram | came back |\n|---|---|---|")
-    for conditions in CONDITIONS:
+    for conditions in each:
         with two_machines(conditions) as (here, there):
             reported = ping(here, there, 500)
         least, median, most = (reported[f"round_trip_ms_{name}"] for name in ("min", "median", "max"))
@@ -175,9 +215,13 @@ def main(duration_s: float, modes: tuple[str, ...], delay_steps: int) -> None:
         click.echo(f"| {conditions} | {least} to {most}, median {median} ms | {back} |")
     click.echo("\n| link | mode | outcome | steps/s | the flight |\n|---|---|---|---|---|")
     for mode in modes:
-        for conditions in CONDITIONS:
+        for conditions in each:
             delay = delay_steps if mode == "real_time" else 0
-            click.echo(f"| {' | '.join(flight_over(conditions, mode, duration_s, delay))} |")
+            place = {"scenario": scenario, "estimator_at": estimator_at}
+            row = flight_over(conditions, mode, duration_s, delay, **place)
+            click.echo(f"| {' | '.join(row)} |")
+    for conditions in each if flown.has_estimator else ():
+        click.echo(f"| {' | '.join(flight_in_process(conditions, duration_s, scenario))} |")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One node, for the other launch files.
 
-A node that refuses to start ends the launch with a reason. A plant that ends ends the other nodes of its namespace.
+An estimator starts only where its scenario has one. A node that refuses to start ends the launch with a reason. A
+plant that ends ends the other nodes of its namespace.
 """
 
 from signal import SIGINT
@@ -14,10 +15,11 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
+from skydiver_utc.parameters import load_scenario
 
 _REFUSED = 2  # exit code of a node that cannot take part: a wrong setting, an existing folder, a second plant
 _ARGUMENTS = {
-    "node": ("plant", "plant, reference, controller or recorder"),
+    "node": ("plant", "plant, reference, estimator, controller or recorder"),
     "parameters": ("{}", "Parameters of the node, a mapping in YAML"),
     "params_file": ("", "ROS parameter file, which overrides the other parameters; empty: none"),
     "clock": ("/clock", "Topic of the clock"),
@@ -26,7 +28,9 @@ _ARGUMENTS = {
 
 def _node(context: Any) -> list[Node]:
     given = {name: LaunchConfiguration(name).perform(context) for name in _ARGUMENTS}
-    name, file = given["node"], given["params_file"]
+    name, file, parameters = given["node"], given["params_file"], yaml.safe_load(given["parameters"])
+    if name == "estimator" and not load_scenario(parameters["scenario"]).has_estimator:
+        return []
 
     def on_exit(event: Any, _context: Any) -> list[Any]:
         if event.returncode == _REFUSED:
@@ -46,7 +50,7 @@ def _node(context: Any) -> list[Node]:
         package="skydiver_utc",
         executable=f"{name}_node",
         output="screen",
-        parameters=[yaml.safe_load(given["parameters"]), *([file] if file else [])],
+        parameters=[parameters, *([file] if file else [])],
         remappings=[("/clock", given["clock"]), ("/tf", given["clock"].removesuffix("clock") + "tf")],
         on_exit=on_exit,
     )

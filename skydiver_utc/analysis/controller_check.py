@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a controller decides at the states of a recording as the recorded one did."""
+"""Whether controller and estimator compute at the inputs of a recording what the recorded ones did."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skydiver_utc.analysis.recorded_run import RecordedRun
 from skydiver_utc.errors import AnalysisError
+from skydiver_utc.estimators.true_state import TrueState
 from skydiver_utc.loop.build import (
     build_controller,
     build_disturbances,
@@ -18,18 +19,20 @@ from skydiver_utc.loop.build import (
     model_beside,
 )
 from skydiver_utc.loop.decisions import Decider, Stretch, decide_at
+from skydiver_utc.loop.estimation import Estimation, estimate_at
 from skydiver_utc.loop.run import ParameterChange, Run
 from skydiver_utc.parameters import Scenario, override
+from skydiver_utc.plants.protocol import Plant
 
-SCHEMA_VERSION = 2
-_CONTROLLER = "controller"
+SCHEMA_VERSION = 3
+_CONTROLLER, _ESTIMATOR = "controller", "estimator"
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """The recorded run, as far as it was checked, and the commands computed at its states (K, m).
+    """The recorded run, as far as it was checked, and the commands computed at its states or estimates (K, m).
 
     `reference_added` counts the steps of the reference that are not recorded, at the end of the run or where
     its node was dead: there the recorded scenario's own values are used. In real time a step without a command
@@ -42,19 +45,18 @@ class Check:
     reference_added: int
     in_real_time: bool
     reference_revised: int = 0  # steps that a live reference gave other values later on: those are used
+    different_estimates: int = 0  # steps whose computed estimate has not the bits of the recorded one
     hole_at_step: int | None = None  # where the recording lacks steps: what follows is not checked
 
     @property
     def differs(self) -> NDArray[np.bool_]:
         """True for recorded and computed commands that are not the same bits, (K, m)."""
-        recorded = np.ascontiguousarray(self.run.commands).view(np.int64)
-        differs: NDArray[np.bool_] = recorded != np.ascontiguousarray(self.commands).view(np.int64)
-        return differs
+        return _differing(self.run.commands, self.commands)
 
     @property
     def equal(self) -> bool:
-        """True when every command is the recorded one, bit for bit."""
-        return not self.differs.any()
+        """True when every command and every estimate is the recorded one, bit for bit."""
+        return not (self.differs.any() or self.different_estimates)
 
     @property
     def first_difference(self) -> tuple[int, int] | None:
@@ -63,13 +65,22 @@ class Check:
         return (int(places[0, 0]), int(places[0, 1])) if len(places) else None
 
 
+def _differing(recorded: Floats, computed: Floats) -> NDArray[np.bool_]:
+    """True where the bits are not the same."""
+    bits: NDArray[np.bool_] = np.ascontiguousarray(recorded).view(np.int64) != np.ascontiguousarray(
+        computed
+    ).view(np.int64)
+    return bits
+
+
 def check(recording: RecordedRun, instead: Callable[[Scenario], Scenario] = lambda s: s) -> Check:
     """The commands of the recorded scenario's controller, or of that of the scenario which `instead` makes of it.
 
-    The states are the recorded ones, whatever the commands: another controller does not fly here. Its memory is
-    its own from the first step on; where the recorded controller was restarted or got other parameters, so does
-    this one. A recording that lacks steps within is checked up to there, one that lacks the beginning from the
-    controller's first restart on, where its memory is known; `AnalysisError` without one.
+    The states, or the estimates, are the recorded ones, whatever the commands: another controller does not fly here.
+    Its memory is its own from the first step on; where the recorded controller was restarted or got other parameters,
+    so does this one. A recording that lacks steps within is checked up to there, one that lacks the beginning from
+    the controller's first restart on, where its memory is known; `AnalysisError` without one. The estimates are
+    computed at the recorded measurements and commands.
     """
     run = _with_known_memory(recording.run())
     hole_at_step = run.holes[0][0] if run.holes else None
@@ -83,14 +94,32 @@ def check(recording: RecordedRun, instead: Callable[[Scenario], Scenario] = lamb
     ahead = max(stretch.decider.controller.preview_steps for stretch in stretches)
     reference, added = _reference(recording, run, ahead)
     controls = len(run.plant.control_names)
-    commands = decide_at(stretches, run.first_step, recording.measured(run), controls, reference)
-    return Check(run, commands, added, recording.in_real_time, recording.reference_revised, hole_at_step)
+    commands = decide_at(stretches, run.first_step, recording.given(run), controls, reference)
+    revised, different = recording.reference_revised, _different_estimates(recording, run, instead)
+    return Check(run, commands, added, recording.in_real_time, revised, different, hole_at_step)
+
+
+def _different_estimates(recording: RecordedRun, run: Run, instead: Callable[[Scenario], Scenario]) -> int:
+    """Steps with another estimate than the recorded one; from its start on, or else its first restart."""
+    begins = {0: None} if run.first_step == 0 else {}
+    begins |= {change.step - run.first_step: None for change in _restarts(run, _ESTIMATOR)}
+    if not (run.scenario.has_estimator and begins):
+        return 0
+    scenario, first = instead(run.scenario), min(begins)
+    plant = _model(recording, scenario)
+    disturbance = build_disturbances(run.scenario, recording.plant)
+    estimations = {
+        row - first: Estimation(build_estimator(scenario, plant), plant, disturbance) for row in begins
+    }
+    measured, commands = recording.measured(run)[first:], run.commands[first:]
+    computed = estimate_at(estimations, run.first_step + first, measured, commands)
+    return int(_differing(recording.estimates(run)[first:], computed).any(axis=1).sum())
 
 
 def _with_known_memory(run: Run) -> Run:
     if run.first_step == 0:
         return run
-    restarts = _restarts(run)
+    restarts = _restarts(run, _CONTROLLER)
     if not restarts:
         raise AnalysisError(
             f"the recording begins at step {run.first_step}, where the controller's memory is not known: give a"
@@ -99,33 +128,39 @@ def _with_known_memory(run: Run) -> Run:
     return run.since(restarts[0].step)
 
 
-def _restarts(run: Run) -> list[ParameterChange]:
-    """Restarts and changes of parameters of the recorded controller, in the order of the steps."""
+def _restarts(run: Run, node: str) -> list[ParameterChange]:
+    """Restarts and changes of parameters of a node, in the order of the steps."""
     end = run.first_step + len(run.commands)
-    return [c for c in run.changes if c.node == _CONTROLLER and run.first_step <= c.step < end]
+    return [c for c in run.changes if c.node == node and run.first_step <= c.step < end]
 
 
 def _stretches(recording: RecordedRun, run: Run, instead: Callable[[Scenario], Scenario]) -> list[Stretch]:
     """The controllers of the run, from the first row of each on."""
-    model = model_beside(recording.plant, run.scenario)
 
     def stretch(row: int, scenario: Scenario, delay_steps: int, control: Floats | None) -> Stretch:
-        # The controller may predict with another plant than the recorded one.
-        plant = model if scenario.plant == run.scenario.plant else build_plant(scenario)
+        plant = _model(recording, scenario)
         controller = build_controller(scenario, plant, recording.reference, delay_steps)
-        disturbance = build_disturbances(run.scenario, recording.plant)
-        decider = Decider(controller, build_estimator(scenario, plant), plant, disturbance)
+        measures = not run.scenario.has_estimator
+        disturbance = build_disturbances(run.scenario, recording.plant) if measures else None
+        decider = Decider(controller, TrueState(), plant, disturbance)
         return Stretch(row, decider, control)
 
     begins = {}
     if run.first_step == 0:
         begins[0] = stretch(0, instead(run.scenario), 0, None)
-    for change in _restarts(run):
+    for change in _restarts(run, _CONTROLLER):
         row = change.step - run.first_step
         control = None if change.control is None else np.array(change.control)
         scenario = instead(override(run.scenario, change.of_scenario))
         begins[row] = stretch(row, scenario, change.delay_steps, control)
     return list(begins.values())
+
+
+def _model(recording: RecordedRun, scenario: Scenario) -> Plant:
+    """The plant with which a scenario's controller and estimator predict, which may differ from the recorded one."""
+    if scenario.plant == recording.scenario.plant:
+        return model_beside(recording.plant, recording.scenario)
+    return build_plant(scenario)
 
 
 def _reference(recording: RecordedRun, run: Run, ahead: int) -> tuple[Floats, int]:
@@ -172,6 +207,7 @@ def report(found: Check) -> dict[str, Any]:
             }
             for j, name in enumerate(names)
         },
+        "different_estimates": found.different_estimates,
         "reference_steps_not_recorded": found.reference_added,
         "reference_steps_revised": found.reference_revised,
     }

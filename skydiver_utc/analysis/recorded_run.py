@@ -4,7 +4,7 @@
 import json
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows, stretches
 from skydiver_utc.errors import AnalysisError, OwnClassError
+from skydiver_utc.estimators.consistency import JUDGEMENT
 from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.loop.build import (
     build_disturbances,
@@ -91,7 +92,8 @@ class RecordedRun:
             self._refuse_none("applied_command", applied)
         absent = ~states.present[first : end + 1]
         absent[:-1] |= ~(commands.present & applied.present)[first:end]
-        names, telemetry = self._telemetry(first, end)
+        names, telemetry = self._telemetry("controller/telemetry", first, end, (_SOLVE_TIME, _STATUS))
+        of_estimator, estimated = self._telemetry("estimator/telemetry", first, end, ())
         acting = build_disturbances(self.scenario, self.plant).names
         acted = self._steps.rows("disturbance", len(acting), lambda message: read_named(message, acting))
         states_named = self.plant.state_names
@@ -100,6 +102,9 @@ class RecordedRun:
         )
         pushed = np.flatnonzero(np.nan_to_num(pushes.values).any(axis=0))
         own = [j for j, name in enumerate(names) if name not in (_SOLVE_TIME, _STATUS)]
+        sensors = getattr(self.scenario.estimator, "sensors", ())
+        judged = {f"{name}_{sensor}" for name in JUDGEMENT for sensor in sensors}
+        own_estimated = [j for j, name in enumerate(of_estimator) if name not in judged]
         unknown = np.full(end - first, np.nan)
         lasts = {"state": states.last, "command": commands.last, "applied_command": applied.last}
         return Run(
@@ -111,8 +116,8 @@ class RecordedRun:
             reference=self._reference(first, end),
             tracked_names=self.reference.outputs,
             amplitude=self.reference.amplitude,
-            telemetry=telemetry[:, own],
-            telemetry_names=tuple(names[j] for j in own),
+            telemetry=np.hstack((telemetry[:, own], estimated[:, own_estimated])),
+            telemetry_names=(*(names[j] for j in own), *(of_estimator[j] for j in own_estimated)),
             solve_time_s=telemetry[:, names.index(_SOLVE_TIME)] if names else unknown,
             status=telemetry[:, names.index(_STATUS)] if names else unknown,
             outcome=outcome,
@@ -159,6 +164,16 @@ class RecordedRun:
             return rows.values
         return np.where(rows.present[:, np.newaxis], rows.values, self.previews(len(rows.values)))
 
+    def given(self, run: Run) -> Floats:
+        """What the controller decides on from the run's first step on: the states or estimates (K, n)."""
+        return self.estimates(run) if self.scenario.has_estimator else run.states[:-1]
+
+    def estimates(self, run: Run) -> Floats:
+        """The estimates (K, n) of the run; a step without one has that of the step before."""
+        rows = self._steps.rows("estimate", len(self.plant.state_names), self._state).held()
+        self._refuse_none("estimate", rows)
+        return rows.values[run.first_step : run.first_step + len(run.commands)]
+
     def measured(self, run: Run) -> Any:
         """The estimator's measurements from the run's first step on: the states, or the readings of each step."""
         sensors = build_sensors(self.scenario, self.plant)
@@ -193,16 +208,16 @@ class RecordedRun:
             np.where(missing, self.reference.preview(first, len(values)), values) if missing.any() else values
         )
 
-    def _telemetry(self, first: int, end: int) -> tuple[tuple[str, ...], Floats]:
-        """The names of most messages, and the values (K, n)."""
-        names = self._steps.read("controller/telemetry", lambda message: tuple(message.name))
-        common = Counter(found for found in names if {_SOLVE_TIME, _STATUS} <= set(found)).most_common(1)
+    def _telemetry(
+        self, topic: str, first: int, end: int, needed: Iterable[str]
+    ) -> tuple[tuple[str, ...], Floats]:
+        """The names of most messages that have the needed ones, and the values (K, n)."""
+        names = self._steps.read(topic, lambda message: tuple(message.name))
+        common = Counter(found for found in names if set(needed) <= set(found)).most_common(1)
         if not common:
             return (), np.empty((end - first, 0))
         (most, _) = common[0]
-        rows = self._steps.rows(
-            "controller/telemetry", len(most), lambda message: read_named(message, most, finite=False)
-        )
+        rows = self._steps.rows(topic, len(most), lambda message: read_named(message, most, finite=False))
         return most, rows.values[first:end]
 
     def _without_an_outcome(self, end: int, lasts: Mapping[str, int]) -> str:

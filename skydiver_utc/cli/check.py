@@ -75,7 +75,9 @@ def _show(values: dict[str, Any]) -> None:
         show_lines(f"the recording lacks step {hole}: checked up to there")
     if sentence := reference_added(values["reference_steps_not_recorded"]):
         show_lines(sentence)
-    if values["equal"]:
+    if count := values["different_estimates"]:
+        show_lines(f"{count} of {values['steps']} estimates are not the recorded ones")
+    if not values["different_steps"]:
         show_lines(
             f"{values['controller']}: all {values['steps']} commands are the recorded ones, bit for bit"
         )

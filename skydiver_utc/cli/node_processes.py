@@ -20,10 +20,11 @@ import skydiver_utc
 
 Value = str | bool | int | float | list[str]
 Parameters = dict[str, Value]
-PLANT, REFERENCE, CONTROLLER, RECORDER, PLAYER = "plant", "reference", "controller", "recorder", "player"
+PLANT, REFERENCE, ESTIMATOR, CONTROLLER = "plant", "reference", "estimator", "controller"
+RECORDER, PLAYER = "recorder", "player"
 
 # The plant publishes the outcome while all others still subscribe; the recorder ends after every publisher.
-_ORDER_OF_ENDING = ((PLANT, PLAYER), (CONTROLLER, REFERENCE), (RECORDER,))
+_ORDER_OF_ENDING = ((PLANT, PLAYER), (CONTROLLER, ESTIMATOR, REFERENCE), (RECORDER,))
 _GRACE_S = 15.0
 _POLL_S = 0.1
 _LAST_LINES = 6

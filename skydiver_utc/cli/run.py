@@ -15,6 +15,7 @@ from skydiver_utc.cli import options
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.node_processes import (
     CONTROLLER,
+    ESTIMATOR,
     PLANT,
     RECORDER,
     REFERENCE,
@@ -94,11 +95,13 @@ class _NodesOfRun:
         self._recorder_reported = False
 
     def start(self, scenario: Path, waiting: Parameters, delay_steps: int) -> None:
-        """Start the four nodes; `waiting` are the parameters of all but the recorder."""
+        """Start the nodes; `waiting` are the parameters of all but the recorder."""
         common: Parameters = {"scenario": str(scenario)}
         waiting = common | waiting
         self.nodes.start(RECORDER, common | {"out": str(self.planned.folder.absolute())})
         self.nodes.start(CONTROLLER, waiting | {"delay_steps": delay_steps})
+        if self.planned.scenario.has_estimator:
+            self.nodes.start(ESTIMATOR, waiting)
         self.nodes.start(REFERENCE, waiting)
         self.nodes.start(PLANT, waiting | {"progress": True})
 

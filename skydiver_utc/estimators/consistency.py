@@ -1,13 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a filter's innovations are as large, and as independent of each other, as it expects."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+JUDGEMENT = ("nis_mean", "nis_low", "nis_high", "verdict")  # the same, for each sensor
 _LEAST = 20  # measurements for a verdict
+VERDICTS = (
+    "too few",
+    "consistent",
+    "overconfident",
+    "cautious",
+    "not white",
+)  # by number in a node's telemetry
 
 
 class Consistency(NamedTuple):
@@ -33,17 +42,14 @@ class Consistency(NamedTuple):
 
 def consistency(innovations: Array) -> Consistency:
     """Of innovations (K, l) in units of their standard deviations; rows with NaN do not count."""
-    from scipy.stats import chi2, norm
-
     found = innovations[np.isfinite(innovations).all(axis=1)]
     count, size = found.shape
     if count < _LEAST:
         nothing = np.full(size, np.nan)
         return Consistency(count, size, np.nan, np.nan, np.nan, nothing, np.nan, "too few")
     mean = float(np.mean(np.sum(np.square(found), axis=1)))
-    low, high = (float(chi2.ppf(share, count * size)) / count for share in (0.025, 0.975))
+    low, high, bound = _bounds(count, size)
     correlations = correlation(found, 1)
-    bound = float(norm.ppf(1.0 - 0.025 / size)) / np.sqrt(count)
     verdict = "consistent"
     if mean > high:
         verdict = "overconfident"
@@ -52,6 +58,14 @@ def consistency(innovations: Array) -> Consistency:
     elif np.abs(correlations).max() > bound:
         verdict = "not white"
     return Consistency(count, size, mean, low, high, correlations, bound, verdict)
+
+
+@lru_cache
+def _bounds(count: int, size: int) -> tuple[float, float, float]:
+    from scipy.stats import chi2, norm
+
+    low, high = (float(chi2.ppf(share, count * size)) / count for share in (0.025, 0.975))
+    return low, high, float(norm.ppf(1.0 - 0.025 / size)) / float(np.sqrt(count))
 
 
 def correlation(innovations: Array, lag: int) -> Array:

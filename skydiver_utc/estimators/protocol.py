@@ -31,11 +31,18 @@ class Estimator(Protocol):
     telemetry_names: tuple[str, ...] = ()
     telemetry: Array = np.empty(0)
 
+    @property
+    def covariance(self) -> Array | None:
+        """Of the error of the newest estimate (e, e), an attitude's being a turn about body axes; None: unknown."""
+        return None
+
     def reset(self) -> None:
         """Forget the run so far."""
+        return
 
     def predict(self, applied: Array) -> None:
         """Advance the estimate by one step under what the actuators applied (a,)."""
+        return
 
     def update(self, measurement: Any) -> Array:
         """The estimated state (n,) from the measured state (n,), or from the readings that arrived at this step."""

@@ -20,7 +20,7 @@ class TrueState(Estimator):
 
         kind: Literal["true_state"] = "true_state"
 
-    def __init__(self, settings: Settings, plant: object, dt_s: float) -> None:
+    def __init__(self, *_: object) -> None:
         pass
 
     def update(self, measurement: Array) -> Array:

@@ -11,17 +11,14 @@ from numpy.typing import NDArray
 from skydiver_utc.controllers.protocol import Controller, Decision
 from skydiver_utc.disturbances.protocol import Disturbance
 from skydiver_utc.estimators.protocol import Estimator
-from skydiver_utc.estimators.true_state import TrueState
+from skydiver_utc.loop.estimation import Estimation
 from skydiver_utc.plants.protocol import Plant
 
 Array = NDArray[np.float64]
 
 
 class Decider:
-    """A controller behind its estimator and the disturbance of its measurements; `solve_time_s` of the last decision.
-
-    For each step `decide`, then `predict`. Both know the plant's `model` only.
-    """
+    """A controller and its estimate; for each step `decide`, then `predict`. `solve_time_s`: of the last decision."""
 
     def __init__(
         self,
@@ -32,8 +29,7 @@ class Decider:
     ) -> None:
         self.controller = controller
         self.solve_time_s = 0.0
-        self._estimator, self._model, self._disturbance = estimator, model, disturbance
-        self._predicts = not isinstance(estimator, TrueState)
+        self._estimation, self._estimator = Estimation(estimator, model, disturbance), estimator
 
     @property
     def telemetry_names(self) -> tuple[str, ...]:
@@ -41,26 +37,20 @@ class Decider:
         return (*self.controller.telemetry_names, *self._estimator.telemetry_names)
 
     def begin(self, control: Array | None = None) -> None:
-        """Begin a run, or continue one from an applied control (m,)."""
-        self._estimator.reset()
-        if self._disturbance is not None:
-            self._disturbance.reset()
-        self._applied = np.array(self._model.initial_applied(), dtype=float)
+        """Begin a run, or let a controller continue one from an applied control (m,): the estimate is kept."""
         if control is None:
+            self._estimation.begin()
             self.controller.reset()
         else:
+            self._estimation.begin_measurements()
             self.controller.resume(control)
-            self._applied[: len(control)] = control
 
     def decide(self, k: int, measured: Any, preview: Array) -> Decision:
         """The decision at the state (n,) of step k, or at the readings of sensors that arrived at it.
 
         preview: the reference (preview_steps + 1, l) from there on
         """
-        if self._disturbance is not None and not isinstance(measured, list):
-            measured = self._disturbance.measurement(k, measured)
-        self._estimator.step = k
-        estimate = self._estimator.update(measured)
+        estimate = self._estimation.update(k, measured)
         began_ns = time.perf_counter_ns()
         decision = self.controller.decide(estimate, preview)
         self.solve_time_s = (time.perf_counter_ns() - began_ns) * 1e-9
@@ -70,10 +60,8 @@ class Decider:
         return decision._replace(telemetry=np.append(decision.telemetry, self._estimator.telemetry))
 
     def predict(self) -> None:
-        """Advance the estimate by one step under the command decided last, with the model's actuators."""
-        if self._predicts:
-            self._applied = self._model.actuate(self._command, self._applied)
-            self._estimator.predict(self._applied)
+        """Advance the estimate by one step under the command decided last."""
+        self._estimation.predict(self._command)
 
 
 class Stretch(NamedTuple):
@@ -85,13 +73,13 @@ class Stretch(NamedTuple):
 
 
 def decide_at(
-    stretches: Sequence[Stretch], first_step: int, measured: Any, controls: int, reference: Array
+    stretches: Sequence[Stretch], first_step: int, states: Array, controls: int, reference: Array
 ) -> Array:
-    """Commands (K, controls) at states (K+1, n), or K+1 lists of readings, without a plant.
+    """Commands (K, controls) at states or estimates (K, n), without a plant.
 
     first_step: of row 0, where the first stretch begins; reference (K + longest preview, l)
     """
-    commands = np.empty((len(measured) - 1, controls))
+    commands = np.empty((len(states), controls))
     ends = [stretch.first for stretch in stretches[1:]] + [len(commands)]
     for (first, decider, control), end in zip(stretches, ends, strict=True):
         decider.begin(control)
@@ -99,6 +87,6 @@ def decide_at(
         for i in range(first, end):
             # Copies, as a node has them: no controller can change what it is given next.
             preview = reference[i : i + width].copy()
-            commands[i] = decider.decide(first_step + i, measured[i].copy(), preview).control
+            commands[i] = decider.decide(first_step + i, states[i].copy(), preview).control
             decider.predict()
     return commands

@@ -3,7 +3,6 @@
 
 import sys
 import time
-from collections import deque
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
@@ -15,30 +14,18 @@ from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
 
 from skydiver_utc.controllers.protocol import Controller, Status
-from skydiver_utc.estimators.consistency import consistency
-from skydiver_utc.estimators.protocol import Reading
-from skydiver_utc.estimators.sensor_models import SensorOfPlant
+from skydiver_utc.estimators.true_state import TrueState
 from skydiver_utc.loop.build import (
     build_compiled_controller,
     build_disturbances,
-    build_estimator,
     build_reference,
-    build_sensors,
     build_true_plant,
     model_beside,
     preview_steps,
 )
 from skydiver_utc.loop.decisions import Decider
 from skydiver_utc.loop.tuned_scenario import TunedScenario
-from skydiver_utc.messages import (
-    MessageError,
-    PreviewStore,
-    StepGrid,
-    read_named,
-    read_preview,
-    read_sensor,
-    read_state,
-)
+from skydiver_utc.messages import MessageError, PreviewStore, StepGrid, read_named, read_preview, read_state
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.controller_topics import ControllerTopics
 from skydiver_utc.nodes.diagnostics import Health, Level, Rate
@@ -50,7 +37,6 @@ from skydiver_utc.parameters.nanoseconds import stamp_ns
 Vector = NDArray[np.float64]
 
 _PATIENCE_S = 5.0
-_RECENT_STEPS = 1000  # of which the estimate is judged
 _WARNINGS = {
     Status.KEPT_PREVIOUS: "the last decision was not finite: kept the control before",
     Status.NOT_REACHED: "the reference has long been out of reach",
@@ -59,7 +45,7 @@ _WARNINGS = {
 
 
 class ControllerNode(ScenarioNode):
-    """Answers each state once; subscribes to the state only when it can answer, which lets the plant begin.
+    """Answers each state, or estimate, once; subscribes to it only when it can answer, which lets the plant begin.
 
     `answered` is the step of the last command, -1 before the first. A controller that begins in a run that goes on
     continues from the newest `applied_command`, where there is one.
@@ -80,11 +66,10 @@ class ControllerNode(ScenarioNode):
         self._qos = None if self.settings.mode == "lockstep" else topics.NEWEST
         self._status, self._slowest_s, self._rate = Status.SOLVED, 0.0, Rate()
         self._pending: tuple[int, Vector, Any] | None = None  # step, state and stamp that wait for an answer
-        self._states: list[Subscription] = []  # of the state and the sensors
+        self._states: Subscription | None = None
         self._applieds: Subscription | None = None  # until the first decision
         self._new_state_at = time.monotonic()
         self._tuned = TunedScenario(self.scenario, self.settings.delay_steps)
-        self._recent = deque[Vector](maxlen=_RECENT_STEPS)  # telemetry
         self._coming: Controller | None = None  # in force from the next decision on
         self._is_first, self._began_at = True, 0  # of the next decision: the first one; its step
         self._began_from: Vector | None = None  # the applied command that it begins from
@@ -97,16 +82,10 @@ class ControllerNode(ScenarioNode):
         self._previewed = 0  # steps of the newest preview
         self._command = np.zeros(len(self._plant.control_names))
         self._out = ControllerTopics(self, self._plant.control_names)
-        disturbance = None if self._vehicle else build_disturbances(self.scenario, true_plant)
-        estimator = build_estimator(self.scenario, self._plant)
-        self._decider = Decider(self._build(self.scenario), estimator, self._plant, disturbance)
+        measures = not (self._vehicle or self.scenario.has_estimator)
+        disturbance = build_disturbances(self.scenario, true_plant) if measures else None
+        self._decider = Decider(self._build(self.scenario), TrueState(), self._plant, disturbance)
         self._use(self._decider.controller)
-        self._sensors = build_sensors(self.scenario, self._plant)
-        if self._sensors is not None:
-            consistency(np.ones((_RECENT_STEPS, 1)))  # imports SciPy before the run
-        self._readings: dict[tuple[int, int], Reading] = {}  # not used yet, by sensor and step
-        self._due: list[tuple[int, int]] = []  # in lockstep, at the step `_due_at`
-        self._due_at = -1
         self.subscribe(topics.REFERENCE_PREVIEW, self.on_preview)
         self.subscribe(topics.SCENARIO, self.on_scenario)
         self.add_on_set_parameters_callback(self._on_set_parameters)
@@ -126,9 +105,9 @@ class ControllerNode(ScenarioNode):
         """End the subscription to the state; the controller's memory is kept."""
         self.end_startup()
         self._pending = None
-        for subscription in self._states:
-            self.destroy_subscription(subscription)
-        self._states = []
+        if self._states is not None:
+            self.destroy_subscription(self._states)
+            self._states = None
 
     def shutdown(self) -> None:
         """Answer nothing more."""
@@ -174,13 +153,6 @@ class ControllerNode(ScenarioNode):
             self._pending, self._new_state_at = (k, state, stamp), time.monotonic()
             self._answer()
 
-    def on_reading(self, i: int, sensor: SensorOfPlant, message: Any) -> None:
-        """Keep a measurement of the i-th sensor; answer the pending state."""
-        k = self.grid.step_of(message.header.stamp)
-        values = read_sensor(message, sensor.fields, sensor.names)
-        self._readings[i, k] = Reading(i, k, values)
-        self._answer()
-
     def on_applied(self, message: Any) -> None:
         """Keep the applied command; a controller that starts during a run continues from it."""
         self._applied = read_named(message, self._plant.control_names)
@@ -205,22 +177,12 @@ class ControllerNode(ScenarioNode):
             "slowest_solve_ms": f"{1e3 * slowest_s:.3f}",
             "passed_over": self.passed_over,
             "reference": self._preview.covered(),
-            **self._verdicts(),
         }
         if missing := self.missing():
             return Health(Level.WARN if self.answered >= 0 else Level.OK, missing, values)
         if self._status in _WARNINGS:
             return Health(Level.WARN, _WARNINGS[self._status], values)
         return Health(Level.OK, "answering", values)
-
-    def _verdicts(self) -> dict[str, object]:
-        """Of each sensor the mean NIS of late, the interval of a filter that is right, and the verdict."""
-        names, found = self._decider.telemetry_names, dict[str, object]()
-        for sensor in self._sensors.models if self._sensors and self._recent else ():
-            columns = [names.index(f"innovation_{sensor.name}_{name}") for name in sensor.names]
-            c = consistency(np.array(self._recent)[:, columns])
-            found[f"nis_{sensor.name}"] = f"{c.mean:.2f} ({c.low:.2f} to {c.high:.2f} expected): {c.verdict}"
-        return found
 
     def missing(self) -> str:
         """The inputs that are missing for an answer."""
@@ -234,8 +196,6 @@ class ControllerNode(ScenarioNode):
             k = self._pending[0]
             if self._waits_for_applied(k):
                 return "waiting for the applied command of the run that it begins in"
-            if self._preview.window(k, self._needs) is not None:
-                return f"waiting for the measurements of step {k}"
             return f"waiting for the reference of step {k}: it covers {self._preview.covered()}"
         if waiting and (unmatched := self.unmatched()):
             return f"waiting for subscribers of {', '.join(unmatched)}"
@@ -250,32 +210,26 @@ class ControllerNode(ScenarioNode):
 
     def _use(self, controller: Controller) -> None:
         self._decider.controller = controller
-        self._recent.clear()
-        self._needs = controller.preview_steps + 1
         self._out.name_telemetry(self._decider.telemetry_names)
+
+    @property
+    def _needs(self) -> int:
+        """Steps of the reference for the next decision."""
+        return (self._coming or self._decider.controller).preview_steps + 1
 
     def _begin(self, control: Vector | None) -> None:
         """Let the controller begin, from an applied command or as at the start of a run."""
         self._is_first, self._began_from = True, control
         self._applied = None
         self._decider.begin(control)
-        if self._sensors is not None and control is None:
-            self._sensors.reset()
-            self._due_at = -1
-            # Those of step 0 may come before its state.
-            self._readings = {key: reading for key, reading in self._readings.items() if reading.step == 0}
 
     def _can_answer(self) -> bool:
         return self._previewed >= self._needs and not self.unmatched() and not self.is_new
 
     def _subscribe_to_state(self) -> None:
-        state = topics.STATE.of_type(topics.STATE_TYPES[self._plant.state_message])
-        self._states = [self.subscribe(state, self.on_state, self._qos)]
-        for i, sensor in enumerate(self._sensors.models if self._sensors else ()):
-            receive = partial(self.on_reading, i, sensor)
-            qos = None if self._qos is None else topics.EACH_AS_IT_COMES
-            topic = topics.sensor_topic(sensor.name, sensor.message)
-            self._states.append(self.subscribe(topic, receive, qos))
+        topic = topics.ESTIMATE if self.scenario.has_estimator else topics.STATE
+        topic = topic.of_type(topics.STATE_TYPES[self._plant.state_message])
+        self._states = self.subscribe(topic, self.on_state, self._qos)
         self.get_logger().info("ready")
 
     def _answer(self) -> None:
@@ -284,12 +238,9 @@ class ControllerNode(ScenarioNode):
             return
         k, state, stamp = self._pending
         preview = self._preview.window(k, self._needs)
-        measured = self._measured(k, state)
-        if preview is None or measured is None or self._waits_for_applied(k):
+        if preview is None or self._waits_for_applied(k):
             return
         self._pending = None
-        for reading in measured if self._sensors else ():
-            del self._readings[reading.sensor, reading.step]
         if self._is_first and self.answered < 0 and k > 0 and self._applied is not None:
             self.get_logger().info(f"begins at step {k} from the applied command")
             self._begin(self._applied)
@@ -302,38 +253,19 @@ class ControllerNode(ScenarioNode):
             self._is_first, self._began_at = False, k
             if k > 0 or self._tuned.changes:
                 self._publish_change()
-        self._decide(k, measured, preview, stamp)
+        self._decide(k, state, preview, stamp)
         if self._applieds is not None:
             self.destroy_subscription(self._applieds)
             self._applieds = None
 
-    def _measured(self, k: int, state: Vector) -> Vector | list[Reading] | None:
-        """The estimator's measurement at step k; None while readings that the plant has sent are on their way.
-
-        In lockstep these are known from the scenario, in real time those count that are there.
-        """
-        if self._sensors is None:
-            return state
-        if self.settings.mode != "lockstep":
-            return list(self._readings.values())
-        while self._due_at < k:
-            self._due_at += 1
-            self._due = self._sensors.arrivals(self._due_at)
-        found = [self._readings[key] for key in self._due if key in self._readings]
-        return found if len(found) == len(self._due) else None
-
-    def _decide(self, k: int, measured: Vector | list[Reading], preview: Vector, stamp: Any) -> None:
-        for _ in range(k - self.answered - 1 if self.answered >= 0 else 0):
-            self._decider.predict()  # of steps passed over
-        decision = self._decider.decide(k, measured, preview)
+    def _decide(self, k: int, state: Vector, preview: Vector, stamp: Any) -> None:
+        decision = self._decider.decide(k, state, preview)
         self._command = np.array(decision.control, dtype=np.float64)
         self._out.publish_command(stamp, self._command)
         self.passed_over += max(0, k - self.answered - 1) if self.answered >= 0 else 0
         self.answered, self._status = k, decision.status
-        self._recent.append(decision.telemetry)
         self._slowest_s = max(self._slowest_s, self._decider.solve_time_s)
         self._out.publish_telemetry(stamp, decision, self._decider.solve_time_s)
-        self._decider.predict()
 
     def _waits_for_applied(self, k: int) -> bool:
         """True where this controller starts during a run and an applied command is published but not received yet."""

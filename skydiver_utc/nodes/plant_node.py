@@ -212,15 +212,21 @@ class PlantNode(ScenarioNode):
             absent.append("no publisher of command")
         if unmatched := self.unmatched():
             absent.append(f"no subscriber, or too few, of {', '.join(unmatched)}")
-        if not absent and not self._controller_subscribes():
-            absent.append("no controller that is subscribed to state")
+        if not absent and not self._partner_subscribes():
+            absent.append(f"no {self._partner} that is subscribed to {self._out.given.topic_name}")
         return " and ".join(absent)
 
-    def _controller_subscribes(self) -> bool:
-        """True when a node that publishes commands is subscribed to the state; other subscribers do not count."""
-        commanders = self.get_publishers_info_by_topic(self._commands.topic_name)
-        subscribers = self.get_subscriptions_info_by_topic(self._out.state.topic_name)
-        names = {(node.node_namespace, node.node_name) for node in commanders}
+    @property
+    def _partner(self) -> str:
+        """The node that takes this one's state or measurements."""
+        return topics.ESTIMATOR if self.scenario.has_estimator else topics.CONTROLLER
+
+    def _partner_subscribes(self) -> bool:
+        """True when a node that publishes estimates or commands is subscribed; other subscribers do not count."""
+        answer = topics.ESTIMATE if self.scenario.has_estimator else topics.COMMAND
+        partners = self.get_publishers_info_by_topic(self.resolve_topic_name(answer.name))
+        subscribers = self.get_subscriptions_info_by_topic(self._out.given.topic_name)
+        names = {(node.node_namespace, node.node_name) for node in partners}
         return any((node.node_namespace, node.node_name) in names for node in subscribers)
 
     def _all_are_there(self) -> bool:

@@ -2,6 +2,7 @@
 """The messages that a plant publishes in each step."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ class SensorTopic:
     def __init__(self, node: ScenarioNode, sensor: SensorOfPlant) -> None:
         self._grid, self._fields = node.grid, sensor.fields
         topic = topics.sensor_topic(sensor.name, sensor.message)
-        self._publisher, self._message = node.advertise(topic), topic.type()
+        self.publisher, self._message = node.advertise(topic), topic.type()
         self._message.header.frame_id = "world" if sensor.message == "TwistStamped" else "body"
         if not self._fields:
             self._message.name = list(sensor.names)
@@ -33,11 +34,11 @@ class SensorTopic:
     def publish(self, reading: Reading) -> None:
         """A measurement with its stamp."""
         self._grid.set_stamp(self._message.header.stamp, reading.step)
-        self._publisher.publish(fill_sensor(self._message, self._fields, reading.values))
+        self.publisher.publish(fill_sensor(self._message, self._fields, reading.values))
 
 
 class PlantTopics:
-    """The publishers of a plant, and their messages."""
+    """The publishers of a plant, and their messages; `given`: the one for the estimator, or else the controller."""
 
     def __init__(
         self, node: ScenarioNode, plant: Plant, disturbance: Composed, sensors: Sequence[SensorOfPlant]
@@ -46,7 +47,8 @@ class PlantTopics:
         state_type = topics.STATE_TYPES[plant.state_message]
         # Before the clock: a reference that has discovered the clock waits for the scenario, too.
         self.scenario = node.advertise(topics.SCENARIO)
-        self.state = node.advertise(topics.STATE.of_type(state_type))
+        state = topics.STATE.of_type(state_type)
+        self.state = node.advertise(replace(state, subscribers=()) if sensors else state)
         self._clock = node.advertise(topics.CLOCK)
         self._applied = node.advertise(topics.APPLIED_COMMAND)
         self._acted = node.advertise(topics.DISTURBANCE) if disturbance.names else None
@@ -55,6 +57,7 @@ class PlantTopics:
         self._pushed_message = JointState(name=list(plant.state_names))
         self.outcome = node.advertise(topics.OUTCOME)
         self._sensors = [SensorTopic(node, sensor) for sensor in sensors]
+        self.given = self._sensors[-1].publisher if sensors else self.state
         self._state_message = state_type()
         if plant.state_message == "odometry":
             self._state_message.header.frame_id, self._state_message.child_frame_id = "world", "body"

@@ -135,6 +135,6 @@ def _exit_within(seconds: int, code: int) -> None:
 
 
 # What the installed commands run: their help comes before rclpy is imported.
-plant_node, reference_node, controller_node, recorder_node, player_node = (
-    partial(run, kind) for kind in ("plant", "reference", "controller", "recorder", "player")
+plant_node, reference_node, estimator_node, controller_node, recorder_node, player_node = (
+    partial(run, kind) for kind in ("plant", "reference", "estimator", "controller", "recorder", "player")
 )

@@ -24,6 +24,7 @@ _UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # of a publisher whose node is not discov
 # Topics whose type depends on the plant and the settings; all others have the type of the table.
 _TYPES = {
     topics.STATE: tuple(topics.STATE_TYPES.values()),
+    topics.ESTIMATE: tuple(topics.STATE_TYPES.values()),
     topics.COMMAND: tuple(topics.COMMAND_TYPES.values()),
 }
 

@@ -24,6 +24,7 @@ NAMESPACE = "skydiver"
 
 PLANT = "plant"
 REFERENCE = "reference"
+ESTIMATOR = "estimator"
 CONTROLLER = "controller"
 RECORDER = "recorder"
 
@@ -79,6 +80,8 @@ class Topic:
 SCENARIO = Topic("scenario", String, LATCHED)
 CLOCK = Topic("/clock", Clock, EACH_STEP, fewer_than_states=0, needed=True)
 STATE = Topic("state", Odometry, EACH_STEP, (CONTROLLER,), fewer_than_states=0, needed=True)
+ESTIMATE = Topic("estimate", Odometry, EACH_STEP, (CONTROLLER,), fewer_than_states=1)
+ESTIMATOR_TELEMETRY = Topic("estimator/telemetry", JointState, EACH_STEP, fewer_than_states=1)
 DISTURBANCE = Topic("disturbance", JointState, EACH_STEP, fewer_than_states=0)
 PUSH = Topic("push", JointState, EACH_AS_IT_COMES, recorded=False)
 PUSHED = Topic("pushed", JointState, EACH_STEP)
@@ -106,6 +109,8 @@ TOPICS = (
     SCENARIO,
     CLOCK,
     STATE,
+    ESTIMATE,
+    ESTIMATOR_TELEMETRY,
     DISTURBANCE,
     PUSH,
     PUSHED,
@@ -136,4 +141,4 @@ SENSOR_TYPES = {kind.__name__: kind for kind in (Imu, MagneticField, FluidPressu
 
 def sensor_topic(name: str, message: str = "JointState") -> Topic:
     """The topic of a sensor, by its name and the type of its message."""
-    return Topic(f"{SENSORS}/{name}", SENSOR_TYPES[message], EACH_STEP, (CONTROLLER,))
+    return Topic(f"{SENSORS}/{name}", SENSOR_TYPES[message], EACH_STEP, (ESTIMATOR,))

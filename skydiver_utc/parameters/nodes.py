@@ -28,7 +28,7 @@ class NodeSettings(Parameters):
 
 
 class _PartnerSettings(NodeSettings):
-    """Parameters of plant, reference and controller."""
+    """Parameters of plant, reference, estimator and controller."""
 
     mode: Annotated[
         Literal["lockstep", "real_time", "vehicle"],
@@ -40,13 +40,16 @@ class _PartnerSettings(NodeSettings):
     wait_for_recorder: Annotated[bool, text("begin only when all topics are recorded")] = False
 
 
+_SimulatedMode = Annotated[
+    Literal["lockstep", "real_time"],
+    text("lockstep: a step waits for its command; real_time: it is due by the clock"),
+]
+
+
 class PlantNodeSettings(_PartnerSettings):
     """The plant: publishes its state, steps on the command that answers it."""
 
-    mode: Annotated[
-        Literal["lockstep", "real_time"],
-        text("lockstep: a step waits for its command; real_time: it is due by the clock"),
-    ] = "lockstep"
+    mode: _SimulatedMode = "lockstep"
     startup_timeout_s: Annotated[
         float, quantity("s", "longest wait for the other nodes, which may compile first", ge=0)
     ] = 600.0
@@ -72,6 +75,12 @@ class ReferenceNodeSettings(_PartnerSettings):
     chunk_steps: Annotated[
         int, quantity("1", "steps from one preview message to the next", ge=1, le=10000)
     ] = 80
+
+
+class EstimatorNodeSettings(_PartnerSettings):
+    """The estimator: estimates each state from measurements and commands, where the scenario has one."""
+
+    mode: _SimulatedMode = "lockstep"
 
 
 class ControllerNodeSettings(_PartnerSettings):
@@ -114,6 +123,7 @@ class PlayerNodeSettings(Parameters):
 SETTINGS: Mapping[str, type[Parameters]] = {
     "plant": PlantNodeSettings,
     "reference": ReferenceNodeSettings,
+    "estimator": EstimatorNodeSettings,
     "controller": ControllerNodeSettings,
     "recorder": RecorderNodeSettings,
     "player": PlayerNodeSettings,

@@ -83,6 +83,11 @@ class Scenario(Parameters):
         return settings_class("plant", content["kind"]).model_validate(content)
 
     @property
+    def has_estimator(self) -> bool:
+        """True where the controller decides on an estimate, which over ROS a node of its own publishes."""
+        return bool(self.estimator.kind != "true_state")
+
+    @property
     def dt_ns(self) -> int:
         """The step in integer nanoseconds."""
         return round(self.dt_s * NANOSECONDS)

@@ -9,7 +9,7 @@ from multiprocessing import get_context
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-KINDS = ("plant", "reference", "controller", "recorder")
+KINDS = ("plant", "reference", "estimator", "controller", "recorder")
 
 
 def fork_node(kind: str, arguments: Sequence[str], environment: Mapping[str, str], log: Path) -> BaseProcess:

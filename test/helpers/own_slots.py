@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from skydiver_utc.controllers.protocol import Decision, Status
+from skydiver_utc.estimators.protocol import Estimator
 from skydiver_utc.parameters.fields import SlotSettings, quantity
 from skydiver_utc.plants.protocol import Plant
 
@@ -92,6 +93,26 @@ class Proportional:
         wanted = np.array([self._gain * error, 0.25])
         self._control = 0.5 * self._control + 0.5 * wanted
         return Decision(self._control.copy(), np.array([error]), Status.SOLVED)
+
+
+class Averaged(Estimator):
+    """The mean of the measured state and the estimate before."""
+
+    class Settings(SlotSettings):
+        """No settings."""
+
+    def __init__(self, settings: Settings, plant: Plant, dt_s: float) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin with the next measurement."""
+        self._estimate: Any = None
+
+    def update(self, measurement: Any) -> Any:
+        """The mean."""
+        before = measurement if self._estimate is None else self._estimate
+        self._estimate = 0.5 * (before + measurement)
+        return self._estimate
 
 
 class CartWithMishap(Cart):

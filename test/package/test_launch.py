@@ -30,6 +30,7 @@ def test_arguments_of_the_closed_loop() -> None:
         "params_file",
         "record",
         "controller",
+        "estimator",
         "reference",
     }
     assert not str(defaults["namespace"]).startswith("/")
@@ -56,6 +57,7 @@ def test_nodes_are_given_parameters_that_they_have() -> None:
         "recorder": "$(var record)",
         "reference": "$(var reference)",
         "controller": "$(var controller)",
+        "estimator": "$(var estimator)",
         "plant": None,
     }
 
@@ -78,8 +80,8 @@ class _Node:
         self.expanded_node_namespace = "/skydiver"
 
 
-def described(monkeypatch: pytest.MonkeyPatch, **given: str) -> _Node:
-    """The node of node.launch.py, with stand-ins for the launch system, which PyPI does not have."""
+def described(monkeypatch: pytest.MonkeyPatch, **given: str) -> list[_Node]:
+    """The nodes of node.launch.py, with stand-ins for the launch system, which PyPI does not have."""
 
     class Configuration:
         def __init__(self, name: str) -> None:
@@ -110,30 +112,36 @@ def described(monkeypatch: pytest.MonkeyPatch, **given: str) -> _Node:
     *declared, opaque = runpy.run_path(str(FOLDER / "node.launch.py"))["generate_launch_description"]()
     defaults = {argument.arguments[0]: argument.default_value for argument in declared}
     assert all(argument.description for argument in declared)
-    (node,) = opaque.function(defaults)
-    assert isinstance(node, _Node)
-    return node
+    nodes: list[_Node] = opaque.function(defaults)
+    return nodes
 
 
 @pytest.mark.parametrize("kind", ["plant", "reference", "controller", "recorder"])
 def test_a_node_that_refuses_to_start_ends_the_launch_with_a_reason(
     monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
-    node = described(monkeypatch, node=kind)
+    (node,) = described(monkeypatch, node=kind)
     (shutdown,) = node.arguments["on_exit"](types.SimpleNamespace(returncode=REFUSED), None)
     assert shutdown.kind == "Shutdown"
     assert kind in shutdown.reason
 
 
 def test_the_end_of_a_plant_ends_the_nodes_of_its_namespace(monkeypatch: pytest.MonkeyPatch) -> None:
-    plant = described(monkeypatch, node="plant")
+    (plant,) = described(monkeypatch, node="plant")
     (emitted,) = plant.arguments["on_exit"](types.SimpleNamespace(returncode=0), None)
     assert emitted.event.signal_number == SIGINT
     near, far = _Node(), _Node()
     far.expanded_node_namespace = "/other"
     assert [emitted.event.process_matcher(node) for node in (near, far, plant)] == [True, False, False]
-    recorder = described(monkeypatch, node="recorder")
+    (recorder,) = described(monkeypatch, node="recorder")
     assert recorder.arguments["on_exit"](types.SimpleNamespace(returncode=-9), None) == []
+
+
+def test_an_estimator_starts_only_where_its_scenario_has_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenarios = ("fast_turn_gyro_accelerometer", "fast_turn_unknown_dynamics")
+    given = [f"{{scenario: {name}}}" for name in scenarios]
+    counts = [len(described(monkeypatch, node="estimator", parameters=text)) for text in given]
+    assert counts == [1, 0]
 
 
 def test_a_parameter_file_counts_before_the_arguments(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -143,7 +151,8 @@ def test_a_parameter_file_counts_before_the_arguments(monkeypatch: pytest.Monkey
         "params_file": "mine.yaml",
         "clock": "/a/clock",
     }
-    arguments = described(monkeypatch, **given).arguments
+    (node,) = described(monkeypatch, **given)
+    arguments = node.arguments
     assert arguments["executable"] == "plant_node"
     assert arguments["parameters"] == [{"mode": "real_time"}, "mine.yaml"]
     assert arguments["remappings"] == [("/clock", "/a/clock"), ("/tf", "/a/tf")]

@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The estimator as a node: an estimate of each state, from the measurements of sensors and the commands."""
+
+import sys
+from collections import deque
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.subscription import Subscription
+from std_msgs.msg import String
+
+from skydiver_utc.estimators.consistency import JUDGEMENT, VERDICTS, Consistency, consistency
+from skydiver_utc.estimators.protocol import Reading
+from skydiver_utc.estimators.sensor_models import SensorOfPlant
+from skydiver_utc.loop.build import (
+    build_disturbances,
+    build_estimator,
+    build_sensors,
+    build_true_plant,
+    model_beside,
+)
+from skydiver_utc.loop.estimation import Estimation
+from skydiver_utc.messages import change_text, fill_named, fill_state, read_named, read_sensor, read_state
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.diagnostics import Health, Level, Rate
+from skydiver_utc.nodes.node import ScenarioNode
+from skydiver_utc.nodes.process import run
+from skydiver_utc.parameters import ParameterError
+from skydiver_utc.rotations import turn_into_body
+
+Vector = NDArray[np.float64]
+_RECENT = 200  # measurements of each sensor, by which the estimate is judged
+
+
+class EstimatorNode(ScenarioNode):
+    """Publishes an estimate for each step of the clock; begins when the controller is subscribed to it.
+
+    In lockstep it takes the measurements that arrive at the step and the command of the step before, and waits for
+    them; in real time those that have come and the newest command. An estimator without sensors has the state.
+    `answered` is the step of the last estimate, -1 before the first.
+    """
+
+    KIND = topics.ESTIMATOR
+    MAIN = topics.ESTIMATE
+
+    def build(self) -> None:
+        """Build the estimator, which compiles it."""
+        if not self.scenario.has_estimator:
+            raise ParameterError(f"the scenario {self.scenario.name} has no estimator: leave this node out")
+        self.answered, self._rate = -1, Rate()
+        self._lockstep = self.settings.mode == "lockstep"
+        self._pending: tuple[int, Vector | None] | None = None  # step and state that wait for an estimate
+        self._inputs: list[Subscription] = []
+        self.get_logger().info("building")
+        true_plant = build_true_plant(self.scenario)
+        self._plant = model_beside(true_plant, self.scenario)
+        estimator = build_estimator(self.scenario, self._plant)
+        disturbance = build_disturbances(self.scenario, true_plant)
+        self._estimation = Estimation(estimator, self._plant, disturbance)
+        self._sensors = build_sensors(self.scenario, self._plant)
+        self._models = self._sensors.models if self._sensors else []
+        self._readings: dict[tuple[int, int], Reading] = {}  # not used yet, by sensor and step
+        self._recent = [deque[Vector](maxlen=_RECENT) for _ in self._models]  # innovations
+        consistency(np.ones((_RECENT, 1)))  # imports SciPy before the run
+        self._judged = [consistency(np.empty((0, sensor.size))) for sensor in self._models]
+        self._state_type = topics.STATE_TYPES[self._plant.state_message]
+        self._message = self._state_type()
+        if self._plant.state_message == "odometry":
+            self._message.header.frame_id, self._message.child_frame_id = "world", "body"
+        else:
+            self._message.name = list(self._plant.state_names)
+        self._estimates = self.advertise(topics.ESTIMATE.of_type(self._state_type))
+        self._telemetry = self.advertise(topics.ESTIMATOR_TELEMETRY)
+        self._changes = self.advertise(topics.CHANGES)
+        self._telemetry_message = topics.ESTIMATOR_TELEMETRY.type(name=list(estimator.telemetry_names))
+        for sensor in self._models:
+            self._telemetry_message.name.extend(f"{name}_{sensor.name}" for name in JUDGEMENT)
+        self.subscribe(topics.COMMAND, self.on_command, None if self._lockstep else topics.NEWEST)
+
+    def configure(self) -> None:
+        """The estimator at a run's beginning."""
+        self._begin()
+
+    def activate(self) -> None:
+        """Subscribe to the measurements as soon as the controller is subscribed to the estimate."""
+        self.begin_when(lambda: not (self.unmatched() or self.is_new), self._subscribe_to_plant)
+
+    def deactivate(self) -> None:
+        """End these subscriptions; the estimate is kept."""
+        self.end_startup()
+        self._pending = None
+        for subscription in self._inputs:
+            self.destroy_subscription(subscription)
+        self._inputs = []
+
+    def shutdown(self) -> None:
+        """Estimate nothing more."""
+        self.deactivate()
+
+    def newest_step(self) -> int:
+        """The step estimated last."""
+        return self.answered
+
+    def on_command(self, message: Any) -> None:
+        """Keep a command for the prediction of the next step."""
+        self._commanded = self.grid.step_of(message.header.stamp)
+        self._command = read_named(message, self._plant.control_names)
+        self._answer()
+
+    def on_reading(self, i: int, sensor: SensorOfPlant, message: Any) -> None:
+        """Keep a measurement of the i-th sensor."""
+        k = self.grid.step_of(message.header.stamp)
+        self._readings[i, k] = Reading(i, k, read_sensor(message, sensor.fields, sensor.names))
+        self._answer()
+
+    def on_clock(self, message: Any) -> None:
+        """Estimate at a step of the clock."""
+        self._on_step(message.clock, None)
+
+    def on_state(self, message: Any) -> None:
+        """Estimate at a state."""
+        self._on_step(message.header.stamp, read_state(message, self._plant.state_names))
+
+    def health(self) -> Health:
+        """The newest estimate, and of each sensor whether it is as exact as it says."""
+        values: dict[str, object] = {
+            "answered_step": self.answered,
+            "answer_rate_Hz": self._rate.read(self.answered),
+        }
+        for sensor, c in zip(self._models, self._judged, strict=True) if self.answered >= 0 else ():
+            values[f"nis_{sensor.name}"] = f"{c.mean:.2f} ({c.low:.2f} to {c.high:.2f} expected): {c.verdict}"
+        missing = self.missing()
+        level = Level.WARN if missing and self.answered >= 0 else Level.OK
+        return Health(level, missing or "estimating", values)
+
+    def missing(self) -> str:
+        """The inputs that are missing for an estimate."""
+        if self._pending is not None:
+            return (
+                f"waiting for the measurements of step {self._pending[0]}, or the command of the step before"
+            )
+        unmatched = self.unmatched() if self.answered < 0 else []
+        return f"waiting for subscribers of {', '.join(unmatched)}" if unmatched else ""
+
+    def _begin(self) -> None:
+        self.answered, self._pending, self._due_at = -1, None, -1
+        self._commanded, self._command = -1, self._plant.initial_control()
+        self._estimation.begin()
+        if self._sensors is not None:
+            self._sensors.reset()
+        # Those of step 0 may come before its clock.
+        self._readings = {key: reading for key, reading in self._readings.items() if reading.step == 0}
+        for innovations in self._recent:
+            innovations.clear()
+
+    def _subscribe_to_plant(self) -> None:
+        """To the measurements last: a plant that has matched these has matched the clock, too."""
+        newest, each = (None, None) if self._lockstep else (topics.NEWEST, topics.EACH_AS_IT_COMES)
+        if self._sensors is None:
+            self._inputs = [self.subscribe(topics.STATE.of_type(self._state_type), self.on_state, newest)]
+        else:
+            self._inputs = [self.subscribe(topics.CLOCK, self.on_clock, newest)]
+        for i, sensor in enumerate(self._models):
+            topic = topics.sensor_topic(sensor.name, sensor.message)
+            self._inputs.append(self.subscribe(topic, partial(self.on_reading, i, sensor), each))
+        self.get_logger().info("ready")
+
+    def _on_step(self, stamp: Any, state: Vector | None) -> None:
+        """Estimate at a new step, repeat the estimate of one that is retransmitted, begin anew at step 0."""
+        k = self.grid.step_of(stamp)
+        if k == self.answered:
+            self._estimates.publish(self._message)
+            return
+        if k == 0:
+            self._begin()
+        if self.answered < k < self.scenario.steps:
+            self._pending = k, state
+            self._answer()
+
+    def _answer(self) -> None:
+        """Publish the pending estimate, once its inputs are complete."""
+        if self._pending is None:
+            return
+        k, state = self._pending
+        first = self.answered < 0
+        measured = self._measured(k) if self._sensors else state
+        if measured is None or (self._lockstep and not first and self._commanded < k - 1):
+            return
+        self._pending = None
+        self._readings = {key: later for key, later in self._readings.items() if later.step > k}
+        if first and k > 0:
+            self._changes.publish(String(data=change_text(self.KIND, k, {}, None)))
+        for _ in range(0 if first else k - self.answered):
+            self._estimation.predict(self._command)
+        estimate = self._estimation.update(k, measured)
+        self.answered = k
+        self._publish(k, estimate)
+
+    def _measured(self, k: int) -> list[Reading] | None:
+        """The readings for step k; None while some that the plant has sent are on their way.
+
+        In lockstep these are known from the scenario, in real time those count that are there.
+        """
+        if not self._lockstep:
+            return [reading for reading in self._readings.values() if reading.step <= k]
+        assert self._sensors is not None
+        while self._due_at < k:
+            self._due_at += 1
+            self._due = self._sensors.arrivals(self._due_at)
+        found = [self._readings[key] for key in self._due if key in self._readings]
+        return found if len(found) == len(self._due) else None
+
+    def _publish(self, k: int, estimate: Vector) -> None:
+        estimator, message = self._estimation.estimator, fill_state(self._message, estimate)
+        self.grid.set_stamp(message.header.stamp, k)
+        if estimator.covariance is not None and self._plant.state_message == "odometry":
+            _fill_covariance(message, estimate, estimator.covariance)
+        self._estimates.publish(message)
+        values = list(estimator.telemetry)
+        for i, sensor in enumerate(self._models):
+            values += self._judge(i, sensor)
+        self.grid.set_stamp(self._telemetry_message.header.stamp, k)
+        self._telemetry.publish(fill_named(self._telemetry_message, np.array(values, dtype=float)))
+
+    def _judge(self, i: int, sensor: SensorOfPlant) -> list[float]:
+        """Mean NIS of late, the bounds of a filter that is right, and the number of the verdict."""
+        estimator = self._estimation.estimator
+        name = f"innovation_{sensor.name}_{sensor.names[0]}"
+        if name in estimator.telemetry_names:
+            first = estimator.telemetry_names.index(name)
+            innovation = estimator.telemetry[first : first + sensor.size]
+            if np.isfinite(innovation).all():
+                self._recent[i].append(innovation.copy())
+                self._judged[i] = consistency(np.array(self._recent[i]))
+        c: Consistency = self._judged[i]
+        return [c.mean, c.low, c.high, float(VERDICTS.index(c.verdict))]
+
+
+def _fill_covariance(message: Any, state: Vector, P: Vector) -> None:
+    """Write the covariance (e, e) of an error into an Odometry: pose in axes of the world, twist in body axes."""
+    J = np.eye(6)
+    for axis, row in zip(np.eye(3), J[3:, 3:], strict=True):
+        turn_into_body(state[3:7], axis, row)  # rows of the matrix from body to world
+    message.pose.covariance[:] = (J @ P[:6, :6] @ J.T).ravel()
+    message.twist.covariance[:] = P[6:12, 6:12].ravel()
+
+
+main = partial(run, topics.ESTIMATOR)
+
+if __name__ == "__main__":
+    sys.exit(main())

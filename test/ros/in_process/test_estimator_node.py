@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The estimator node: bit-equal flights, what it keeps through a change of the controller, and where it begins."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.parameter import Parameter
+from ros_fixtures import Ros, Spectator
+from runs import cart
+
+from skydiver_utc.estimators.consistency import JUDGEMENT, VERDICTS, consistency
+from skydiver_utc.loop.build import build_estimator
+from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.loop.estimation import Estimation, estimate_at
+from skydiver_utc.loop.plant_steps import PlantSteps
+from skydiver_utc.messages import read_named
+from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.controller_node import ControllerNode
+from skydiver_utc.nodes.estimator_node import EstimatorNode
+from skydiver_utc.nodes.plant_node import PlantNode
+from skydiver_utc.nodes.reference_node import ReferenceNode
+from skydiver_utc.parameters import ParameterError, Scenario, override, to_yaml
+
+pytest_plugins = ("ros_fixtures",)
+
+FILTER = {
+    "kind": "unscented_kalman_filter",
+    "sensors": {
+        "ruler": {"of": ["place"], "rate_Hz": 10.0, "noise": 0.02, "delay_s": 0.1, "loss": 0.2},
+        "encoder": {"of": ["speed"], "rate_Hz": 20.0, "noise": 0.1},
+    },
+    "initial_deviation": {"place": 0.2, "speed": 0.2},
+    "process_noise": {"speed": 0.3},
+}
+
+
+class Flight:
+    """A cart with all nodes but the recorder, in one process."""
+
+    def __init__(self, ros: Ros, folder: Path, **settings: object) -> None:
+        self.scenario: Scenario = override(
+            cart(), {"duration_s": 20.0, "controller": {"kind": "lqr"}, **settings}
+        )
+        path = folder / "cart.yaml"
+        path.write_text(to_yaml(self.scenario), encoding="utf-8")
+        self.ros, self.given = ros, {"scenario": str(path)}
+        types = (topics.STATE, topics.ESTIMATE)
+        joints = [topic.of_type(topics.STATE_TYPES["joint_state"]) for topic in types]
+        self.spectator = ros.add(Spectator(ros.context, *joints))
+        waiting = self.given | {"wait_for_recorder": True}
+        ros.add(ReferenceNode(ros.context, self.given))
+        self.controller = ros.add(ControllerNode(ros.context, waiting))
+        self.estimator = ros.add(EstimatorNode(ros.context, waiting))
+        self.plant = ros.add(
+            PlantNode(ros.context, self.given | {"command_timeout_s": 0.3, "command_retries": 100})
+        )
+
+    def until_the_end(self) -> None:
+        of_steps = (topics.COMMAND, topics.ESTIMATE, topics.ESTIMATOR_TELEMETRY)
+        self.ros.spin_until(
+            lambda: self.plant.done and all(len(self.received(t)) >= self.plant.k for t in of_steps)
+        )
+
+    def received(self, topic: topics.Topic) -> list[Any]:
+        return self.spectator.received[topic]
+
+    def values(self, topic: topics.Topic, names: Sequence[str]) -> Any:
+        """By step; of a message that came twice, the last one."""
+        rows = {self.plant.grid.step_of(m.header.stamp): read_named(m, names) for m in self.received(topic)}
+        return np.array([rows[k] for k in sorted(rows)])
+
+    def commands(self) -> Any:
+        return self.values(topics.COMMAND, ("force",))
+
+    def estimates(self) -> Any:
+        return self.values(topics.ESTIMATE, ("place", "speed"))
+
+    def computed(self, *begins: int) -> Any:
+        """The estimates of the plant's own measurements under the recorded commands."""
+        steps = PlantSteps(self.scenario)
+        steps.begin()
+        measured = []
+        for command in self.commands():
+            measured.append(steps.measured)
+            steps.step(command)
+        estimations = {
+            k: Estimation(build_estimator(self.scenario, steps.plant), steps.plant, steps.disturbance)
+            for k in begins
+        }
+        return estimate_at(estimations, 0, measured, self.commands())
+
+
+def test_a_flight_on_sensors_equals_the_simulation(ros: Ros, tmp_path: Path) -> None:
+    flight = Flight(ros, tmp_path, estimator=FILTER)
+    flight.until_the_end()
+    run = simulate(flight.scenario)
+    assert flight.commands().tobytes() == run.commands.tobytes()
+    names = run.telemetry_names
+    first = names.index("estimate_place")
+    assert flight.estimates().tobytes() == run.telemetry[:, first : first + 2].tobytes()
+    innovations = run.telemetry[:, [names.index("innovation_encoder_speed")]]
+    wanted = consistency(innovations[np.isfinite(innovations[:, 0])][-200:])
+    last = flight.received(topics.ESTIMATOR_TELEMETRY)[-1]
+    found = dict(zip(last.name, last.position, strict=True))
+    judged = [found[f"{name}_encoder"] for name in JUDGEMENT]
+    assert judged == [wanted.mean, wanted.low, wanted.high, VERDICTS.index(wanted.verdict)]
+    assert wanted.verdict in str(flight.estimator.health().values["nis_encoder"])
+
+
+def test_another_controller_in_flight_leaves_the_estimate_as_it_is(ros: Ros, tmp_path: Path) -> None:
+    flight = Flight(ros, tmp_path, estimator=FILTER)
+    ros.spin_until(lambda: flight.plant.k > 30)
+    (changed,) = flight.controller.set_parameters([Parameter("controller.horizon_steps", value=2)])
+    assert changed.successful
+    flight.until_the_end()
+    (change,) = flight.received(topics.CHANGES)
+    assert json.loads(change.data)["node"] == "controller"
+    assert flight.commands().tobytes() != simulate(flight.scenario).commands.tobytes()
+    assert flight.estimates().tobytes() == flight.computed(0).tobytes()
+
+
+def test_an_estimator_that_comes_into_a_run_begins_there(ros: Ros, tmp_path: Path) -> None:
+    flight = Flight(ros, tmp_path, estimator=FILTER)
+    ros.spin_until(lambda: flight.plant.k > 30)
+    ros.remove(flight.estimator)
+    ros.add(EstimatorNode(ros.context, flight.given))
+    flight.until_the_end()
+    change = json.loads(flight.received(topics.CHANGES)[0].data)
+    assert (change["node"], change["step"] > 30, change["control"]) == ("estimator", True, None)
+    assert flight.estimates().tobytes() == flight.computed(0, change["step"]).tobytes()
+
+
+def test_an_estimator_of_ones_own_is_given_the_measured_state(ros: Ros, tmp_path: Path) -> None:
+    noise = {"kind": "measurement_error", "noise": {"place": 0.05}}
+    flight = Flight(ros, tmp_path, estimator={"kind": "own_slots:Averaged"}, disturbances=[noise])
+    flight.until_the_end()
+    assert flight.commands().tobytes() == simulate(flight.scenario).commands.tobytes()
+
+
+def test_a_scenario_without_an_estimator_is_refused(ros: Ros) -> None:
+    with pytest.raises(ParameterError, match="no estimator"):
+        EstimatorNode(ros.context, {"scenario": "fast_turn_unknown_dynamics"})
