@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables and figures of docs/robustness.md from the studies: ``python benchmarks/robustness_page.py``.
 
-Of each study that was flown (``skydiver-utc study run NAME``, folder studies/NAME) the tables of report.md replace what stands
+Of each study that was flown (`study run NAME`, folder studies/NAME) the tables of report.md replace what stands
 between its two marks in the page, and maps.png its figure.
 """
 
