@@ -30,6 +30,7 @@ class Decider:
         self.controller = controller
         self.solve_time_s = 0.0
         self._estimation, self._estimator = Estimation(estimator, model, disturbance), estimator
+        self._measures = bool(estimator.telemetry_names)
 
     @property
     def telemetry_names(self) -> tuple[str, ...]:
@@ -55,7 +56,7 @@ class Decider:
         decision = self.controller.decide(estimate, preview)
         self.solve_time_s = (time.perf_counter_ns() - began_ns) * 1e-9
         self._command = decision.control
-        if not self._predicts:
+        if not self._measures:
             return decision
         return decision._replace(telemetry=np.append(decision.telemetry, self._estimator.telemetry))
 
