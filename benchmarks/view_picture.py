@@ -39,10 +39,11 @@ def picture(page: LivePage) -> bytes:
 def main() -> None:
     """Fly, show, write."""
     flight = LiveFlight(load_scenario("fast_turn_unknown_dynamics"))
-    flight.advance(7.0)
-    flight.blow()
-    flight.advance(1.0)
     page, done = LivePage(flight), threading.Event()
+    for frame in range(200):
+        if frame == 175:
+            flight.blow()
+        page.frame(0.04)
     page.playing = False
     for view in page.views:
         view.ahead_s = 0.3

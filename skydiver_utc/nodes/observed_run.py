@@ -91,7 +91,7 @@ class ObservedRun:
         """Let the run stand between two steps, or go on. Raises `ParameterError` where the plant refuses."""
         kind = Transition.TRANSITION_DEACTIVATE if paused else Transition.TRANSITION_ACTIVATE
         request = ChangeState.Request(transition=Transition(id=kind))
-        if not self._answer(self._lifecycle.call_async(request)).success:
+        if not self._answer(self._lifecycle.call_async(request), self._lifecycle.service_is_ready()).success:
             raise ParameterError("the plant goes on: a run in real time, or one that has ended, cannot pause")
 
     def controller_parameters(self) -> dict[str, Any]:
@@ -106,14 +106,15 @@ class ObservedRun:
     def set_controller(self, values: Mapping[str, Any]) -> None:
         """Set parameters of the controller node, all or none. Raises `ParameterError` where it refuses them."""
         parameters = [Parameter(name, value=value) for name, value in values.items()]
-        result = self._answer(self._parameters.set_parameters_atomically(parameters)).result
+        answer = self._parameters.set_parameters_atomically(parameters)
+        result = self._answer(answer, self._parameters.services_are_ready()).result
         if not result.successful:
             raise ParameterError(result.reason)
 
-    def _answer(self, future: Future) -> Any:
+    def _answer(self, future: Future, there: bool = True) -> Any:
         done = threading.Event()
         future.add_done_callback(lambda _: done.set())
-        if not done.wait(_ANSWER_S):
+        if not (there and done.wait(_ANSWER_S)):
             raise ParameterError(f"a node of {self.namespace} does not answer: see whether it is running")
         return future.result()
 

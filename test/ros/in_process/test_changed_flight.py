@@ -109,7 +109,10 @@ def test_sliders_ghost_push_and_gust_reach_the_flight_and_the_bag(ros: Ros, tmp_
             flight.advance(0.01)
             wait(lambda: plant.done or flight.now().time_s > flight.history()[-1][0])
         wait(lambda: recorder.done)
-        observed.close()
+    ros.remove(controller)
+    with spinning(ros), pytest.raises(ParameterError, match="skydiver"):
+        flight.change({"controller.P_err": 1e-4})
+    observed.close()
     assert recorder.close() == 0
     recording = RecordedRun(tmp_path / "bag")
     run, checked = recording.run(), check(recording)
