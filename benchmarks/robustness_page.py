@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables and figures of docs/robustness.md from the studies: ``python benchmarks/robustness_page.py``.
 
-Of each study that was flown (`study run NAME`, folder studies/NAME) the tables of report.md replace what stands
-between its two marks in the page, and maps.png its figure.
+Of each study that was flown (``skydiver-utc study run NAME``, folder studies/NAME) the tables of report.md replace what
+stands between its two marks in the page, and maps.png its figure.
 """
 
 import re

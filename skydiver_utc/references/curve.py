@@ -3,6 +3,7 @@
 
 from abc import abstractmethod
 from collections.abc import Callable
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from skydiver_utc.parameters.fields import SlotSettings
 Array = NDArray[np.float64]
 # Fewer steps would not show a period's rise and fall.
 _STEPS_OF_A_PERIOD = 10
-_MOST_KEPT = 4096
+_MOST_KEPT = 8192
 
 
 class Curve(NamedTuple):
@@ -36,6 +37,12 @@ class CurveSettings(SlotSettings):
         """The function of time. Raises ValueError."""
 
 
+@lru_cache(maxsize=8)
+def _kept_of(kind: type, settings: str, dt_s: float) -> dict[int, Array]:
+    """The values known by step of settings in JSON: all flights of a study share them."""
+    return {}
+
+
 class CurveReference:
     """Previews of a curve; each step is computed by itself and once, so that every preview has the same bits."""
 
@@ -48,7 +55,7 @@ class CurveReference:
             )
         self.outputs, self.amplitude = curve.outputs, curve.largest
         self._value, self._dt_s = curve.value, dt_s
-        self._kept: dict[int, Array] = {}
+        self._kept = _kept_of(type(settings), settings.model_dump_json(), dt_s)
 
     def preview(self, k: int, count: int) -> Array:
         """Values (count, l) at the steps k, k+1, ..., in the unit of each output."""
