@@ -129,9 +129,8 @@ class LiveFlight:
 
     def look_ahead(self, seconds: float = 0.0) -> tuple[Array, Array]:
         """States (S, steps + 1, n) to the horizon, or further, and what the actuators then hold (S, a)."""
-        steps, at_least = self._steps, round(seconds / self.scenario.dt_s)
-        of = self._decider.controller, self._model, self._reference
-        return look_ahead(*of, steps.k, steps.state, steps.control, at_least)
+        steps, of = self._steps, (self._decider.controller, self._model, self._reference)
+        return look_ahead(*of, steps.k, steps.state, steps.control, seconds)
 
     def _step(self) -> None:
         controller, k = self._decider.controller, self._steps.k

@@ -19,13 +19,14 @@ def look_ahead(
     k: int,
     state: Array,
     control: Array,
-    at_least: int,
+    seconds: float,
 ) -> tuple[Array, Array]:
     """States (S, steps + 1, n) from a state (n,) at step k on, and what the actuators then hold (S, a).
 
-    To the controller's horizon or, where that is further, `at_least` steps. Row 0: the model under the control in force
+    To the controller's horizon or, where that is further, so many seconds. Row 0: the model under the control in force
     (m,); the others, which only a UTC has: under its sigma points.
     """
+    at_least = round(seconds / model.dt_s)
     if isinstance(controller, UnscentedTransformController):
         steps = max(controller.horizon, at_least)
         preview = reference.preview(k, steps + controller.preview_steps + 1)

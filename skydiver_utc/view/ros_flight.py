@@ -113,5 +113,4 @@ class RosFlight:
             known = np.isfinite(now.deviations).all()
             controller.reset(control, np.diag(now.deviations**2) if known else None)
             controller.explain(now.state, self._reference.preview(k, controller.preview_steps + 1))
-        at_least = round(seconds / self.scenario.dt_s)
-        return look_ahead(controller, self._model, self._reference, k, now.state, control, at_least)
+        return look_ahead(controller, self._model, self._reference, k, now.state, control, seconds)
