@@ -18,6 +18,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
+from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
@@ -45,7 +46,7 @@ class ObservedRun:
 
     def __init__(self, namespace: str, patience_s: float = 30.0, context: Context | None = None) -> None:
         if context is None and not rclpy.ok():
-            rclpy.init()
+            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self.namespace, self.ended = namespace.strip("/"), False
         self._node = Node("view", namespace=self.namespace, context=context)
         self._executor = SingleThreadedExecutor(context=context)

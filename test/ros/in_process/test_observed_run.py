@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A page on a flight over ROS: the newest messages, and no part in the run."""
 
+import signal
 import threading
 
 import numpy as np
@@ -9,6 +10,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.context import Context
 from rclpy.node import Node
+from ros_fixtures import Processes, Ros
 from std_msgs.msg import String
 
 from skydiver_utc.messages import StepGrid, fill_named, fill_odometry
@@ -17,7 +19,7 @@ from skydiver_utc.nodes.observed_run import ObservedRun
 from skydiver_utc.parameters import ParameterError, load_scenario, to_yaml
 from skydiver_utc.view.ros_flight import RosFlight
 
-pytest_plugins = ("ros_domains",)
+pytest_plugins = ("ros_fixtures",)
 K = 40
 
 
@@ -87,6 +89,15 @@ def test_the_newest_state_and_controls_are_shown_once_the_plant_counts_steps(con
     assert (now.deviations[3], now.solve_time_s) == (0.1, 0.002)
     assert len(flight.plant.shape_poses(now.state, now.applied)) == len(flight.plant.shapes)
     assert set(subscribed_early) == {0}
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_page(ros: Ros, processes: Processes, number: signal.Signals) -> None:
+    page = processes.python("view", "-m", "skydiver_utc", "view", "--ros", "nobody")
+    partner = ros.partner()
+    ros.spin_until(lambda: ("view", "/nobody") in partner.get_node_names_and_namespaces())
+    page.signal(number)
+    assert page.wait() == {signal.SIGINT: 0, signal.SIGTERM: -signal.SIGTERM}[number]
 
 
 def test_a_namespace_without_a_flight_is_named(context):
