@@ -23,8 +23,8 @@ def study() -> None:
     """Answer one question with many runs."""
 
 
-study.add_command(run_study, "run")
-study.add_command(show_run, "show")
+study.add_command(run_study)
+study.add_command(show_run)
 
 
 @study.command(cls=options.Computing, short_help="Run with random covariances.")

@@ -31,7 +31,7 @@ _out = click.option(
 
 
 @click.command(
-    cls=options.Computing, epilog=_EXIT_CODES, short_help="Fly the runs of STUDY that are missing."
+    "run", cls=options.Computing, epilog=_EXIT_CODES, short_help="Fly the runs of STUDY that are missing."
 )
 @click.argument("study", metavar="STUDY")
 @_out
@@ -76,7 +76,9 @@ def run_study(
     return FAILED if failed else 0
 
 
-@click.command(cls=options.Computing, epilog=options.EXIT_CODES, short_help="Fly one run of a study again.")
+@click.command(
+    "show", cls=options.Computing, epilog=options.EXIT_CODES, short_help="Fly one run of a study again."
+)
 @click.argument("study", metavar="STUDY")
 @click.argument("number", metavar="RUN", type=click.IntRange(0))
 @_out
