@@ -101,16 +101,18 @@ def check(recording: RecordedRun, instead: Callable[[Scenario], Scenario] = lamb
 
 def _different_estimates(recording: RecordedRun, run: Run, instead: Callable[[Scenario], Scenario]) -> int:
     """Steps with another estimate than the recorded one; from its start on, or else its first restart."""
-    begins = {0: None} if run.first_step == 0 else {}
-    begins |= {change.step - run.first_step: None for change in _restarts(run, _ESTIMATOR)}
+    begins = {0: run.scenario} if run.first_step == 0 else {}
+    for change in _restarts(run, _ESTIMATOR):
+        begins[change.step - run.first_step] = override(run.scenario, change.of_scenario)
     if not (run.scenario.has_estimator and begins):
         return 0
-    scenario, first = instead(run.scenario), min(begins)
-    plant = _model(recording, scenario)
-    disturbance = build_disturbances(run.scenario, recording.plant)
-    estimations = {
-        row - first: Estimation(build_estimator(scenario, plant), plant, disturbance) for row in begins
-    }
+
+    def estimation(scenario: Scenario) -> Estimation:
+        plant, disturbance = _model(recording, scenario), build_disturbances(scenario, recording.plant)
+        return Estimation(build_estimator(scenario, plant), plant, disturbance)
+
+    first = min(begins)
+    estimations = {row - first: estimation(instead(scenario)) for row, scenario in begins.items()}
     measured, commands = recording.measured(run)[first:], run.commands[first:]
     computed = estimate_at(estimations, run.first_step + first, measured, commands)
     return int(_differing(recording.estimates(run)[first:], computed).any(axis=1).sum())

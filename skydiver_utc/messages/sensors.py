@@ -16,7 +16,7 @@ Vector = NDArray[np.float64]
 _OF_IMU = ("orientation", "angular_velocity", "linear_acceleration")
 
 
-def fill_sensor(message: Any, fields: Sequence[str], values: Vector) -> Any:
+def fill_sensor(message: Any, values: Vector, fields: Sequence[str]) -> Any:
     """Write values (l,) into these fields; without fields into a JointState that has the names. Returns the message."""
     if not fields:
         return fill_named(message, values)

@@ -24,12 +24,11 @@ from skydiver_utc.loop.build import (
     preview_steps,
 )
 from skydiver_utc.loop.decisions import Decider
-from skydiver_utc.loop.tuned_scenario import TunedScenario
 from skydiver_utc.messages import MessageError, PreviewStore, StepGrid, read_named, read_preview, read_state
 from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.answering_node import AnsweringNode
 from skydiver_utc.nodes.controller_topics import ControllerTopics
-from skydiver_utc.nodes.diagnostics import Health, Level, Rate
-from skydiver_utc.nodes.node import ScenarioNode
+from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.process import run
 from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.parameters.nanoseconds import stamp_ns
@@ -44,11 +43,9 @@ _WARNINGS = {
 }
 
 
-class ControllerNode(ScenarioNode):
-    """Answers each state, or estimate, once; subscribes to it only when it can answer, which lets the plant begin.
-
-    `answered` is the step of the last command, -1 before the first. A controller that begins in a run that goes on
-    continues from the newest `applied_command`, where there is one.
+class ControllerNode(AnsweringNode):
+    """Answers each state, or estimate, with a command; one that begins in a run that goes on continues from the newest
+    `applied_command`, where there is one.
 
     Configured it is compiled; inactive it answers nothing, and takes in the reference all the same. The parameters
     `controller.*` can be set while it runs: from the next decision on another controller continues from the last
@@ -60,19 +57,13 @@ class ControllerNode(ScenarioNode):
 
     def build(self) -> None:
         """Build the controller, which compiles it."""
-        self.answered = -1
+        super().build()
         self.passed_over = 0  # steps in real time without an answer, as a newer state was there
         self._vehicle = self.settings.mode == "vehicle"
         self._qos = None if self.settings.mode == "lockstep" else topics.NEWEST
-        self._status, self._slowest_s, self._rate = Status.SOLVED, 0.0, Rate()
-        self._pending: tuple[int, Vector, Any] | None = None  # step, state and stamp that wait for an answer
-        self._states: Subscription | None = None
+        self._status, self._slowest_s = Status.SOLVED, 0.0
         self._applieds: Subscription | None = None  # until the first decision
-        self._new_state_at = time.monotonic()
-        self._tuned = TunedScenario(self.scenario, self.settings.delay_steps)
         self._coming: Controller | None = None  # in force from the next decision on
-        self._is_first, self._began_at = True, 0  # of the next decision: the first one; its step
-        self._began_from: Vector | None = None  # the applied command that it begins from
         self._applied: Vector | None = None  # the newest applied command
         self.get_logger().info("building")
         true_plant = build_true_plant(self.scenario)
@@ -87,39 +78,17 @@ class ControllerNode(ScenarioNode):
         self._decider = Decider(self._build(self.scenario), TrueState(), self._plant, disturbance)
         self._use(self._decider.controller)
         self.subscribe(topics.REFERENCE_PREVIEW, self.on_preview)
-        self.subscribe(topics.SCENARIO, self.on_scenario)
         self.add_on_set_parameters_callback(self._on_set_parameters)
 
-    def configure(self) -> None:
+    def begin_run(self) -> None:
         """The controller at a run's beginning."""
-        self.answered, self._pending = -1, None
         self._begin(None)
         if self._applieds is None:
             self._applieds = self.subscribe(topics.APPLIED_COMMAND, self.on_applied, self._qos)
 
-    def activate(self) -> None:
-        """Subscribe to the state as soon as it can be answered."""
-        self.begin_when(self._can_answer, self._subscribe_to_state)
-
-    def deactivate(self) -> None:
-        """End the subscription to the state; the controller's memory is kept."""
-        self.end_startup()
-        self._pending = None
-        if self._states is not None:
-            self.destroy_subscription(self._states)
-            self._states = None
-
-    def shutdown(self) -> None:
-        """Answer nothing more."""
-        self.deactivate()
-
     def is_live(self, name: str) -> bool:
         """True for the settings of the controller itself."""
         return name.startswith("controller.")
-
-    def newest_step(self) -> int:
-        """The step answered last."""
-        return self.answered
 
     def on_preview(self, message: Any) -> None:
         """Keep a preview of the reference; answer the pending state."""
@@ -129,50 +98,31 @@ class ControllerNode(ScenarioNode):
         k0, values = read_preview(message, self.grid, self._reference.outputs)
         self._previewed = len(values)
         self._preview.add(k0, values)
-        self._answer()
+        self.answer()
 
     def on_state(self, message: Any) -> None:
-        """Answer a new state; repeat the command for a retransmitted one; begin anew at step 0."""
-        stamp = message.header.stamp
-        k = self.grid.step_of(stamp)
-        if k == self.answered:
-            self.refusals.counts["repeated"] += 1
-            self._out.publish_command(stamp, self._command)
-            return
-        if 0 < k < self.answered:
-            raise MessageError("older", f"it is of step {k}, step {self.answered} was answered already")
+        """Answer a state, or estimate."""
         frames = (self.settings.world_frame, self.settings.body_frame)
         state = read_state(message, self._plant.state_names, frames)
         if fault := self._plant.fault(state):
             raise MessageError("model", fault)
-        if k == 0 and self.answered > 0:
-            self.get_logger().info("a new run begins")
-            self.answered = -1
-            self._begin(None)
-        if self._vehicle or k < self.scenario.steps:
-            self._pending, self._new_state_at = (k, state, stamp), time.monotonic()
-            self._answer()
+        self.receive(message.header.stamp, state)
+
+    def repeat(self, stamp: Any) -> None:
+        """Publish the last command again."""
+        self._out.publish_command(stamp, self._command)
 
     def on_applied(self, message: Any) -> None:
         """Keep the applied command; a controller that starts during a run continues from it."""
         self._applied = read_named(message, self._plant.control_names)
-        self._answer()
-
-    def on_scenario(self, message: Any) -> None:
-        """Compare the plant's scenario, which is the recorded one, with that of this node."""
-        try:
-            different = self._tuned.compare(message.data)
-        except ParameterError as error:
-            raise MessageError("scenario", str(error)) from error
-        if self.answered >= 0 and different:
-            self._publish_change()
+        self.answer()
 
     def health(self) -> Health:
         """The newest answer, its rate, and what is missing."""
         slowest_s, self._slowest_s = self._slowest_s, 0.0
         values = {
             "answered_step": self.answered,
-            "answer_rate_Hz": self._rate.read(self.answered),
+            "answer_rate_Hz": self.rate.read(self.answered),
             "last_status": str(self._status),
             "slowest_solve_ms": f"{1e3 * slowest_s:.3f}",
             "passed_over": self.passed_over,
@@ -186,20 +136,20 @@ class ControllerNode(ScenarioNode):
 
     def missing(self) -> str:
         """The inputs that are missing for an answer."""
-        waiting = self._pending is not None or self.answered < 0
+        waiting = self.pending is not None or self.answered < 0
         if waiting and self._previewed < self._needs:
             return (
                 f"waiting for the reference: it covers {self._preview.covered()}, one decision takes"
                 f" {self._needs} steps; is the reference node running, with the same scenario?"
             )
-        if self._pending is not None:
-            k = self._pending[0]
+        if self.pending is not None:
+            k = self.pending[0]
             if self._waits_for_applied(k):
                 return "waiting for the applied command of the run that it begins in"
             return f"waiting for the reference of step {k}: it covers {self._preview.covered()}"
         if waiting and (unmatched := self.unmatched()):
             return f"waiting for subscribers of {', '.join(unmatched)}"
-        silent_s = time.monotonic() - self._new_state_at
+        silent_s = time.monotonic() - self.received_at
         if 0 <= self.answered < self.scenario.steps - 1 and silent_s > _PATIENCE_S:
             return f"no new state after step {self.answered} for {silent_s:.1f} s"
         return ""
@@ -219,40 +169,39 @@ class ControllerNode(ScenarioNode):
 
     def _begin(self, control: Vector | None) -> None:
         """Let the controller begin, from an applied command or as at the start of a run."""
-        self._is_first, self._began_from = True, control
+        self.is_first, self.began_from = True, control
         self._applied = None
         self._decider.begin(control)
 
-    def _can_answer(self) -> bool:
-        return self._previewed >= self._needs and not self.unmatched() and not self.is_new
+    def can_answer(self) -> bool:
+        """True when the reference of a decision and all subscribers are there."""
+        return self._previewed >= self._needs and super().can_answer()
 
-    def _subscribe_to_state(self) -> None:
+    def subscribe_to_inputs(self) -> list[Subscription]:
+        """Subscribe to the state, or the estimate."""
         topic = topics.ESTIMATE if self.scenario.has_estimator else topics.STATE
         topic = topic.of_type(topics.STATE_TYPES[self._plant.state_message])
-        self._states = self.subscribe(topic, self.on_state, self._qos)
-        self.get_logger().info("ready")
+        return [self.subscribe(topic, self.on_state, self._qos)]
 
-    def _answer(self) -> None:
+    def answer(self) -> None:
         """Decide on the pending state, once its preview is complete."""
-        if self._pending is None:
+        if self.pending is None:
             return
-        k, state, stamp = self._pending
+        k, state, stamp = self.pending
         preview = self._preview.window(k, self._needs)
         if preview is None or self._waits_for_applied(k):
             return
-        self._pending = None
-        if self._is_first and self.answered < 0 and k > 0 and self._applied is not None:
+        self.pending = None
+        if self.is_first and self.answered < 0 and k > 0 and self._applied is not None:
             self.get_logger().info(f"begins at step {k} from the applied command")
             self._begin(self._applied)
         if self._coming is not None:
-            control = self._began_from if self._is_first else self._command
+            control = self.began_from if self.is_first else self._command
             self._use(self._coming)
             self._coming = None
             self._begin(control)
-        if self._is_first:
-            self._is_first, self._began_at = False, k
-            if k > 0 or self._tuned.changes:
-                self._publish_change()
+        if self.is_first:
+            self.begins_at(k)
         self._decide(k, state, preview, stamp)
         if self._applieds is not None:
             self.destroy_subscription(self._applieds)
@@ -269,23 +218,23 @@ class ControllerNode(ScenarioNode):
 
     def _waits_for_applied(self, k: int) -> bool:
         """True where this controller starts during a run and an applied command is published but not received yet."""
-        fresh = self._is_first and self.answered < 0 and k > 0
+        fresh = self.is_first and self.answered < 0 and k > 0
         topic = self.resolve_topic_name(topics.APPLIED_COMMAND.name)
         return fresh and self._applied is None and self.count_publishers(topic) > 0
 
     def _on_set_parameters(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         """Build the controller of the new values, which are in force from the next decision on."""
-        values = self._tuned.news({p.name: p.value for p in parameters if self.is_live(p.name)})
+        values = self.tuned.news({p.name: p.value for p in parameters if self.is_live(p.name)})
         if not values:
             return SetParametersResult(successful=True)
         try:
-            controller = self._build(self._tuned.with_values(values))
+            controller = self._build(self.tuned.with_values(values))
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         if controller.preview_steps + 1 > self._most_preview_steps():
             reason = "the controller would look further ahead than the reference node publishes"
             return SetParametersResult(successful=False, reason=reason)
-        self._tuned.change(values)
+        self.tuned.change(values)
         self._coming = controller
         return SetParametersResult(successful=True)
 
@@ -294,13 +243,6 @@ class ControllerNode(ScenarioNode):
         started = preview_steps(self.scenario)
         chunk_steps = (self._previewed - 1 - started) // 2
         return max(self._needs, started + 1 + chunk_steps)
-
-    def _publish_change(self) -> None:
-        """Record the values that are not those of the recorded scenario, and where the controller began from."""
-        values = self._tuned.changes
-        text = ", ".join(f"{name} = {value}" for name, value in values.items()) or "those of the start"
-        self.get_logger().info(f"parameters from step {self._began_at} on: {text}")
-        self._out.publish_change(self._began_at, values, self._began_from)
 
 
 main = partial(run, topics.CONTROLLER)

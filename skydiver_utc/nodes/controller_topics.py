@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 
 from skydiver_utc.controllers.protocol import Decision
-from skydiver_utc.messages import TWIST_COMPONENTS, change_text, fill_named, fill_twist
+from skydiver_utc.messages import TWIST_COMPONENTS, fill_named, fill_twist
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.parameters import ParameterError
@@ -32,7 +31,6 @@ class ControllerTopics:
         command_type = topics.COMMAND_TYPES[s.command_message]
         self._command = node.advertise(topics.COMMAND.of_type(command_type))
         self._telemetry = node.advertise(topics.TELEMETRY)
-        self._changes = node.advertise(topics.CHANGES)
         self._clock = node.publisher(topics.CLOCK) if s.publish_clock else None
         self._command_message = command_type()
         if s.command_message == "joint_state":
@@ -63,8 +61,3 @@ class ControllerTopics:
         self._telemetry.publish(fill_named(self._telemetry_message, values))
         if self._clock is not None:
             self._clock.publish(Clock(clock=stamp))
-
-    def publish_change(self, k: int, values: dict[str, Any], control: Vector | None) -> None:
-        """The values that differ from those of the recorded scenario from step k on, where it began from a control."""
-        start = None if control is None else control.tolist()
-        self._changes.publish(String(data=change_text(topics.CONTROLLER, k, values, start)))

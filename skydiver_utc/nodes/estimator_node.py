@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.subscription import Subscription
-from std_msgs.msg import String
 
 from skydiver_utc.estimators.consistency import JUDGEMENT, VERDICTS, Consistency, consistency
 from skydiver_utc.estimators.protocol import Reading
@@ -22,10 +21,11 @@ from skydiver_utc.loop.build import (
     model_beside,
 )
 from skydiver_utc.loop.estimation import Estimation
-from skydiver_utc.messages import change_text, fill_named, fill_state, read_named, read_sensor, read_state
+from skydiver_utc.messages import read_named, read_sensor, read_state
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.diagnostics import Health, Level, Rate
-from skydiver_utc.nodes.node import ScenarioNode
+from skydiver_utc.nodes.answering_node import AnsweringNode
+from skydiver_utc.nodes.diagnostics import Health, Level
+from skydiver_utc.nodes.plant_topics import StampedTopic, state_topic
 from skydiver_utc.nodes.process import run
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.rotations import turn_into_body
@@ -34,12 +34,11 @@ Vector = NDArray[np.float64]
 _RECENT = 200  # measurements of each sensor, by which the estimate is judged
 
 
-class EstimatorNode(ScenarioNode):
+class EstimatorNode(AnsweringNode):
     """Publishes an estimate for each step of the clock; begins when the controller is subscribed to it.
 
     In lockstep it takes the measurements that arrive at the step and the command of the step before, and waits for
     them; in real time those that have come and the newest command. An estimator without sensors has the state.
-    `answered` is the step of the last estimate, -1 before the first.
     """
 
     KIND = topics.ESTIMATOR
@@ -49,10 +48,8 @@ class EstimatorNode(ScenarioNode):
         """Build the estimator, which compiles it."""
         if not self.scenario.has_estimator:
             raise ParameterError(f"the scenario {self.scenario.name} has no estimator: leave this node out")
-        self.answered, self._rate = -1, Rate()
+        super().build()
         self._lockstep = self.settings.mode == "lockstep"
-        self._pending: tuple[int, Vector | None] | None = None  # step and state that wait for an estimate
-        self._inputs: list[Subscription] = []
         self.get_logger().info("building")
         true_plant = build_true_plant(self.scenario)
         self._plant = model_beside(true_plant, self.scenario)
@@ -65,87 +62,15 @@ class EstimatorNode(ScenarioNode):
         self._recent = [deque[Vector](maxlen=_RECENT) for _ in self._models]  # innovations
         consistency(np.ones((_RECENT, 1)))  # imports SciPy before the run
         self._judged = [consistency(np.empty((0, sensor.size))) for sensor in self._models]
-        self._state_type = topics.STATE_TYPES[self._plant.state_message]
-        self._message = self._state_type()
-        if self._plant.state_message == "odometry":
-            self._message.header.frame_id, self._message.child_frame_id = "world", "body"
-        else:
-            self._message.name = list(self._plant.state_names)
-        self._estimates = self.advertise(topics.ESTIMATE.of_type(self._state_type))
-        self._telemetry = self.advertise(topics.ESTIMATOR_TELEMETRY)
-        self._changes = self.advertise(topics.CHANGES)
-        self._telemetry_message = topics.ESTIMATOR_TELEMETRY.type(name=list(estimator.telemetry_names))
-        for sensor in self._models:
-            self._telemetry_message.name.extend(f"{name}_{sensor.name}" for name in JUDGEMENT)
+        self._out = state_topic(self, topics.ESTIMATE, self._plant)
+        judged = (f"{name}_{sensor.name}" for sensor in self._models for name in JUDGEMENT)
+        names = (*estimator.telemetry_names, *judged)
+        self._telemetry = StampedTopic(self, topics.ESTIMATOR_TELEMETRY, names)
         self.subscribe(topics.COMMAND, self.on_command, None if self._lockstep else topics.NEWEST)
 
-    def configure(self) -> None:
+    def begin_run(self) -> None:
         """The estimator at a run's beginning."""
-        self._begin()
-
-    def activate(self) -> None:
-        """Subscribe to the measurements as soon as the controller is subscribed to the estimate."""
-        self.begin_when(lambda: not (self.unmatched() or self.is_new), self._subscribe_to_plant)
-
-    def deactivate(self) -> None:
-        """End these subscriptions; the estimate is kept."""
-        self.end_startup()
-        self._pending = None
-        for subscription in self._inputs:
-            self.destroy_subscription(subscription)
-        self._inputs = []
-
-    def shutdown(self) -> None:
-        """Estimate nothing more."""
-        self.deactivate()
-
-    def newest_step(self) -> int:
-        """The step estimated last."""
-        return self.answered
-
-    def on_command(self, message: Any) -> None:
-        """Keep a command for the prediction of the next step."""
-        self._commanded = self.grid.step_of(message.header.stamp)
-        self._command = read_named(message, self._plant.control_names)
-        self._answer()
-
-    def on_reading(self, i: int, sensor: SensorOfPlant, message: Any) -> None:
-        """Keep a measurement of the i-th sensor."""
-        k = self.grid.step_of(message.header.stamp)
-        self._readings[i, k] = Reading(i, k, read_sensor(message, sensor.fields, sensor.names))
-        self._answer()
-
-    def on_clock(self, message: Any) -> None:
-        """Estimate at a step of the clock."""
-        self._on_step(message.clock, None)
-
-    def on_state(self, message: Any) -> None:
-        """Estimate at a state."""
-        self._on_step(message.header.stamp, read_state(message, self._plant.state_names))
-
-    def health(self) -> Health:
-        """The newest estimate, and of each sensor whether it is as exact as it says."""
-        values: dict[str, object] = {
-            "answered_step": self.answered,
-            "answer_rate_Hz": self._rate.read(self.answered),
-        }
-        for sensor, c in zip(self._models, self._judged, strict=True) if self.answered >= 0 else ():
-            values[f"nis_{sensor.name}"] = f"{c.mean:.2f} ({c.low:.2f} to {c.high:.2f} expected): {c.verdict}"
-        missing = self.missing()
-        level = Level.WARN if missing and self.answered >= 0 else Level.OK
-        return Health(level, missing or "estimating", values)
-
-    def missing(self) -> str:
-        """The inputs that are missing for an estimate."""
-        if self._pending is not None:
-            return (
-                f"waiting for the measurements of step {self._pending[0]}, or the command of the step before"
-            )
-        unmatched = self.unmatched() if self.answered < 0 else []
-        return f"waiting for subscribers of {', '.join(unmatched)}" if unmatched else ""
-
-    def _begin(self) -> None:
-        self.answered, self._pending, self._due_at = -1, None, -1
+        self.is_first, self._due_at = True, -1
         self._commanded, self._command = -1, self._plant.initial_control()
         self._estimation.begin()
         if self._sensors is not None:
@@ -155,43 +80,76 @@ class EstimatorNode(ScenarioNode):
         for innovations in self._recent:
             innovations.clear()
 
-    def _subscribe_to_plant(self) -> None:
+    def subscribe_to_inputs(self) -> list[Subscription]:
         """To the measurements last: a plant that has matched these has matched the clock, too."""
         newest, each = (None, None) if self._lockstep else (topics.NEWEST, topics.EACH_AS_IT_COMES)
         if self._sensors is None:
-            self._inputs = [self.subscribe(topics.STATE.of_type(self._state_type), self.on_state, newest)]
-        else:
-            self._inputs = [self.subscribe(topics.CLOCK, self.on_clock, newest)]
+            state = topics.STATE.of_type(topics.STATE_TYPES[self._plant.state_message])
+            return [self.subscribe(state, self.on_state, newest)]
+        inputs = [self.subscribe(topics.CLOCK, self.on_clock, newest)]
         for i, sensor in enumerate(self._models):
             topic = topics.sensor_topic(sensor.name, sensor.message)
-            self._inputs.append(self.subscribe(topic, partial(self.on_reading, i, sensor), each))
-        self.get_logger().info("ready")
+            inputs.append(self.subscribe(topic, partial(self.on_reading, i, sensor), each))
+        return inputs
 
-    def _on_step(self, stamp: Any, state: Vector | None) -> None:
-        """Estimate at a new step, repeat the estimate of one that is retransmitted, begin anew at step 0."""
-        k = self.grid.step_of(stamp)
-        if k == self.answered:
-            self._estimates.publish(self._message)
-            return
-        if k == 0:
-            self._begin()
-        if self.answered < k < self.scenario.steps:
-            self._pending = k, state
-            self._answer()
+    def repeat(self, stamp: Any) -> None:
+        """Publish the last estimate again."""
+        self._out.publisher.publish(self._out.message)
 
-    def _answer(self) -> None:
+    def on_command(self, message: Any) -> None:
+        """Keep a command for the prediction of the next step."""
+        k, command = self.grid.step_of(message.header.stamp), read_named(message, self._plant.control_names)
+        self._commanded, self._command = k, command
+        self.answer()
+
+    def on_reading(self, i: int, sensor: SensorOfPlant, message: Any) -> None:
+        """Keep a measurement of the i-th sensor."""
+        k = self.grid.step_of(message.header.stamp)
+        self._readings[i, k] = Reading(i, k, read_sensor(message, sensor.fields, sensor.names))
+        self.answer()
+
+    def on_clock(self, message: Any) -> None:
+        """Estimate at a step of the clock."""
+        self.receive(message.clock, None)
+
+    def on_state(self, message: Any) -> None:
+        """Estimate at a state."""
+        self.receive(message.header.stamp, read_state(message, self._plant.state_names))
+
+    def health(self) -> Health:
+        """The newest estimate, and of each sensor whether it is as exact as it says."""
+        values: dict[str, object] = {
+            "answered_step": self.answered,
+            "answer_rate_Hz": self.rate.read(self.answered),
+        }
+        for sensor, c in zip(self._models, self._judged, strict=True) if self.answered >= 0 else ():
+            values[f"nis_{sensor.name}"] = f"{c.mean:.2f} ({c.low:.2f} to {c.high:.2f} expected): {c.verdict}"
+        missing = self.missing()
+        level = Level.WARN if missing and self.answered >= 0 else Level.OK
+        return Health(level, missing or "estimating", values)
+
+    def missing(self) -> str:
+        """The inputs that are missing for an estimate."""
+        if self.pending is not None:
+            return (
+                f"waiting for the measurements of step {self.pending[0]}, or the command of the step before"
+            )
+        unmatched = self.unmatched() if self.answered < 0 else []
+        return f"waiting for subscribers of {', '.join(unmatched)}" if unmatched else ""
+
+    def answer(self) -> None:
         """Publish the pending estimate, once its inputs are complete."""
-        if self._pending is None:
+        if self.pending is None:
             return
-        k, state = self._pending
-        first = self.answered < 0
+        k, state, _ = self.pending
+        first = self.is_first
         measured = self._measured(k) if self._sensors else state
         if measured is None or (self._lockstep and not first and self._commanded < k - 1):
             return
-        self._pending = None
+        self.pending = None
         self._readings = {key: later for key, later in self._readings.items() if later.step > k}
-        if first and k > 0:
-            self._changes.publish(String(data=change_text(self.KIND, k, {}, None)))
+        if first:
+            self.begins_at(k)
         for _ in range(0 if first else k - self.answered):
             self._estimation.predict(self._command)
         estimate = self._estimation.update(k, measured)
@@ -213,16 +171,14 @@ class EstimatorNode(ScenarioNode):
         return found if len(found) == len(self._due) else None
 
     def _publish(self, k: int, estimate: Vector) -> None:
-        estimator, message = self._estimation.estimator, fill_state(self._message, estimate)
-        self.grid.set_stamp(message.header.stamp, k)
+        estimator = self._estimation.estimator
         if estimator.covariance is not None and self._plant.state_message == "odometry":
-            _fill_covariance(message, estimate, estimator.covariance)
-        self._estimates.publish(message)
+            _fill_covariance(self._out.message, estimate, estimator.covariance)
+        self._out.publish(k, estimate)
         values = list(estimator.telemetry)
         for i, sensor in enumerate(self._models):
             values += self._judge(i, sensor)
-        self.grid.set_stamp(self._telemetry_message.header.stamp, k)
-        self._telemetry.publish(fill_named(self._telemetry_message, np.array(values, dtype=float)))
+        self._telemetry.publish(k, np.array(values, dtype=float))
 
     def _judge(self, i: int, sensor: SensorOfPlant) -> list[float]:
         """Mean NIS of late, the bounds of a filter that is right, and the number of the verdict."""

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The messages that a plant publishes in each step."""
+"""The messages that a plant publishes in each step, and those with the same content of other nodes."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
 
 from skydiver_utc.disturbances.composed import Composed
 from skydiver_utc.estimators.protocol import Reading
@@ -15,78 +16,88 @@ from skydiver_utc.estimators.sensor_models import SensorOfPlant
 from skydiver_utc.messages import fill_named, fill_sensor, fill_state
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.node import ScenarioNode
+from skydiver_utc.nodes.topics import Topic
 from skydiver_utc.plants.protocol import Plant
 
 Vector = NDArray[np.float64]
 
 
-class SensorTopic:
-    """The publisher of a sensor, and its message."""
+class StampedTopic:
+    """A publisher of numbers with the stamp of their step, and its message; names: those of a JointState."""
 
-    def __init__(self, node: ScenarioNode, sensor: SensorOfPlant) -> None:
-        self._grid, self._fields = node.grid, sensor.fields
-        topic = topics.sensor_topic(sensor.name, sensor.message)
-        self.publisher, self._message = node.advertise(topic), topic.type()
-        self._message.header.frame_id = "world" if sensor.message == "TwistStamped" else "body"
-        if not self._fields:
-            self._message.name = list(sensor.names)
+    def __init__(
+        self,
+        node: ScenarioNode,
+        topic: Topic,
+        names: Sequence[str],
+        frame: str = "",
+        fill: Callable[[Any, Vector], Any] = fill_named,
+    ) -> None:
+        self.publisher, self.message = node.advertise(topic), topic.type()
+        self._node, self._fill = node, fill
+        self.message.header.frame_id = frame
+        if hasattr(self.message, "name"):
+            self.message.name = list(names)
+        if hasattr(self.message, "child_frame_id"):
+            self.message.child_frame_id = "body"
 
-    def publish(self, reading: Reading) -> None:
-        """A measurement with its stamp."""
-        self._grid.set_stamp(self._message.header.stamp, reading.step)
-        self.publisher.publish(fill_sensor(self._message, self._fields, reading.values))
+    def publish(self, k: int, values: Vector) -> None:
+        """Publish values (n,) of step k."""
+        self._node.grid.set_stamp(self.message.header.stamp, k)
+        self.publisher.publish(self._fill(self.message, values))
+
+
+def state_topic(node: ScenarioNode, topic: Topic, plant: Plant) -> StampedTopic:
+    """A topic with states of a plant, in the message that the plant has for them."""
+    frame = "world" if plant.state_message == "odometry" else ""
+    of_plant = topic.of_type(topics.STATE_TYPES[plant.state_message])
+    return StampedTopic(node, of_plant, plant.state_names, frame, fill_state)
+
+
+def _of_sensor(node: ScenarioNode, sensor: SensorOfPlant) -> StampedTopic:
+    topic = topics.sensor_topic(sensor.name, sensor.message)
+    frame = "world" if sensor.message == "TwistStamped" else "body"
+    return StampedTopic(node, topic, sensor.names, frame, partial(fill_sensor, fields=sensor.fields))
 
 
 class PlantTopics:
-    """The publishers of a plant, and their messages; `given`: the one for the estimator, or else the controller."""
+    """The publishers of a plant; `given`: the one for the estimator, or else the controller."""
 
     def __init__(
         self, node: ScenarioNode, plant: Plant, disturbance: Composed, sensors: Sequence[SensorOfPlant]
     ) -> None:
-        self._grid, self._plant, self._disturbance = node.grid, plant, disturbance
-        state_type = topics.STATE_TYPES[plant.state_message]
+        self._grid, self._disturbance, self._controls = node.grid, disturbance, len(plant.control_names)
         # Before the clock: a reference that has discovered the clock waits for the scenario, too.
         self.scenario = node.advertise(topics.SCENARIO)
-        state = topics.STATE.of_type(state_type)
-        self.state = node.advertise(replace(state, subscribers=()) if sensors else state)
-        self._clock = node.advertise(topics.CLOCK)
-        self._applied = node.advertise(topics.APPLIED_COMMAND)
-        self._acted = node.advertise(topics.DISTURBANCE) if disturbance.names else None
-        self._acted_message = JointState(name=list(disturbance.names))
-        self._pushed = node.advertise(topics.PUSHED)
-        self._pushed_message = JointState(name=list(plant.state_names))
+        state = replace(topics.STATE, subscribers=()) if sensors else topics.STATE
+        self._state = state_topic(node, state, plant)
+        self.state = self._state.publisher
+        self._clock, self._clock_message = node.advertise(topics.CLOCK), Clock()
+        self._applied = StampedTopic(node, topics.APPLIED_COMMAND, plant.control_names)
+        acting = disturbance.names
+        self._acted = StampedTopic(node, topics.DISTURBANCE, acting) if acting else None
+        self._pushed = StampedTopic(node, topics.PUSHED, plant.state_names)
         self.outcome = node.advertise(topics.OUTCOME)
-        self._sensors = [SensorTopic(node, sensor) for sensor in sensors]
+        self._sensors = [_of_sensor(node, sensor) for sensor in sensors]
         self.given = self._sensors[-1].publisher if sensors else self.state
-        self._state_message = state_type()
-        if plant.state_message == "odometry":
-            self._state_message.header.frame_id, self._state_message.child_frame_id = "world", "body"
-        else:
-            self._state_message.name = list(plant.state_names)
-        self._clock_message = Clock()
-        self._applied_message = JointState(name=list(plant.control_names))
 
     def publish_state(self, k: int, state: Vector) -> None:
         """State first: the controller works while the clock is sent."""
-        self._grid.set_stamp(self._state_message.header.stamp, k)
-        self.state.publish(fill_state(self._state_message, state))
+        self._state.publish(k, state)
         self._grid.set_stamp(self._clock_message.clock, k)
         self._clock.publish(self._clock_message)
         if self._acted is not None:
-            self._grid.set_stamp(self._acted_message.header.stamp, k)
-            self._acted.publish(fill_named(self._acted_message, self._disturbance.acted(k, state)))
+            self._acted.publish(k, self._disturbance.acted(k, state))
 
     def publish_pushed(self, k: int, change: Vector) -> None:
         """What users have added to the state (n,) of step k."""
-        self._grid.set_stamp(self._pushed_message.header.stamp, k)
-        self._pushed.publish(fill_named(self._pushed_message, change))
+        self._pushed.publish(k, change)
 
     def publish_readings(self, readings: Sequence[Reading]) -> None:
         """The measurements that arrive now, each with the stamp of its own step."""
         for reading in readings:
-            self._sensors[reading.sensor].publish(reading)
+            self._sensors[reading.sensor].publish(reading.step, reading.values)
 
     def publish_applied(self, k: int, applied: Vector) -> None:
         """The control of the actuators' state (a,) from step k on."""
-        self._grid.set_stamp(self._applied_message.header.stamp, k)
-        self._applied.publish(fill_named(self._applied_message, applied[: len(self._plant.control_names)]))
+        self._applied.publish(k, applied[: self._controls])

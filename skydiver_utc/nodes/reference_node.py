@@ -6,14 +6,14 @@ import time
 from functools import partial
 from typing import Any
 
-from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from skydiver_utc.loop.build import build_plant, build_reference, preview_steps
-from skydiver_utc.messages import StepGrid, fill_named, fill_preview, read_twist
+from skydiver_utc.messages import StepGrid, fill_preview, read_twist
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.node import ScenarioNode
+from skydiver_utc.nodes.plant_topics import StampedTopic
 from skydiver_utc.nodes.process import run
 from skydiver_utc.parameters.nanoseconds import stamp_ns
 
@@ -40,9 +40,8 @@ class ReferenceNode(ScenarioNode):
         names = list(self._reference.outputs)
         points = [JointTrajectoryPoint() for _ in range(self._count)]
         self._preview = JointTrajectory(joint_names=names, points=points)
-        self._setpoint = JointState(name=names)
         self._previews = self.advertise(topics.REFERENCE_PREVIEW)
-        self._setpoints = self.advertise(topics.SETPOINT)
+        self._setpoints = StampedTopic(self, topics.SETPOINT, names)
         self._scenario_received = False
         if self.settings.mode == "vehicle":
             self.grid = StepGrid(0, self.scenario.dt_ns, exact=False)
@@ -127,8 +126,7 @@ class ReferenceNode(ScenarioNode):
         chunk = k // self._chunk_steps
         if repeated or chunk != self._chunk:
             self._publish_chunk(chunk * self._chunk_steps)
-        self.grid.set_stamp(self._setpoint.header.stamp, k)
-        self._setpoints.publish(fill_named(self._setpoint, self._reference.preview(k, 1)[0]))
+        self._setpoints.publish(k, self._reference.preview(k, 1)[0])
 
     def _publish_chunk(self, k0: int) -> None:
         self._chunk = k0 // self._chunk_steps
