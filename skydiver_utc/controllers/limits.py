@@ -2,11 +2,11 @@
 """Bounds and rates of a control vector, as controllers keep them."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.jit import unfused
 from skydiver_utc.plants.protocol import Plant
 
 Array = NDArray[np.float64]
@@ -22,20 +22,21 @@ def all_finite(values: Array) -> bool:
     return all(map(math.isfinite, values.tolist()))
 
 
-def limited(wanted: Array, previous: Array, limits: Sequence[Array] | Array) -> Array:
-    """A control (m,) inside its bounds, then inside its largest change from the previous one."""
-    minimum, maximum, change = limits
-    # Not np.clip: called each control step on a few numbers, it costs several times as much.
-    bounded = np.minimum(np.maximum(wanted, minimum), maximum)
-    slewed: Array = np.minimum(np.maximum(bounded, previous - change), previous + change)
-    return slewed
+@unfused
+def limited(wanted: Array, previous: Array, limits: Array) -> Array:
+    """A control (m,) inside its bounds, then inside its largest change from the previous one; limits (3, m)."""
+    control = np.empty(wanted.shape[0])
+    for c in range(control.shape[0]):
+        value = min(max(wanted[c], limits[0, c]), limits[1, c])
+        control[c] = min(max(value, previous[c] - limits[2, c]), previous[c] + limits[2, c])
+    return control
 
 
 class LimitedController:
     """A controller whose whole memory is the control applied last (m,), inside the plant's limits (3, m)."""
 
     def __init__(self, plant: Plant) -> None:
-        self._limits, self._initial = tuple(limits_of(plant)), plant.initial_control()
+        self._limits, self._initial = limits_of(plant), plant.initial_control()
         self.reset()
 
     def reset(self) -> None:

@@ -35,6 +35,7 @@ class Transmission(Disturbance):
     def __init__(self, settings: Settings, plant: Plant, dt_s: float, seed: tuple[int, int]) -> None:
         self._delay, self._jitter = round(settings.delay_s / dt_s), round(settings.jitter_s / dt_s)
         self._loss, self._seed = settings.loss, seed
+        self._acts = self._delay + self._jitter > 0 or self._loss > 0.0
         self._arrivals = Rows(self._blocks)
         self._states: dict[int, Array] = {}  # by step: the one in use, and later ones
         self._arriving: dict[float, int] = {}  # by the step at which it arrives: the step of a state
@@ -42,6 +43,8 @@ class Transmission(Disturbance):
 
     def measurement(self, k: int, state: Array) -> Array:
         """The state (n,) that arrived last at step k."""
+        if not self._acts:
+            return state
         if not self._states:
             self._used = self._newest = self._next = k
         self._states[k] = state.copy()
