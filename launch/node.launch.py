@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One node, for the other launch files.
 
-An estimator starts only where its scenario has one. A node that refuses to start ends the launch with a reason. A
+An estimator ends at once where the scenario has none. A node that refuses to start ends the launch with a reason. A
 plant that ends ends the other nodes of its namespace.
 """
 
@@ -15,7 +15,6 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
-from skydiver_utc.parameters import load_scenario
 
 _REFUSED = 2  # exit code of a node that cannot take part: a wrong setting, an existing folder, a second plant
 _ARGUMENTS = {
@@ -29,8 +28,6 @@ _ARGUMENTS = {
 def _node(context: Any) -> list[Node]:
     given = {name: LaunchConfiguration(name).perform(context) for name in _ARGUMENTS}
     name, file, parameters = given["node"], given["params_file"], yaml.safe_load(given["parameters"])
-    if name == "estimator" and not load_scenario(parameters["scenario"]).has_estimator:
-        return []
 
     def on_exit(event: Any, _context: Any) -> list[Any]:
         if event.returncode == _REFUSED:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether controller and estimator compute at the inputs of a recording what the recorded ones did."""
+"""Compares recorded commands and estimates with those computed from the recorded inputs."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -139,22 +139,22 @@ def _restarts(run: Run, node: str) -> list[ParameterChange]:
 def _stretches(recording: RecordedRun, run: Run, instead: Callable[[Scenario], Scenario]) -> list[Stretch]:
     """The controllers of the run, from the first row of each on."""
 
-    def stretch(row: int, scenario: Scenario, delay_steps: int, control: Floats | None) -> Stretch:
+    def stretch(row: int, given: Scenario, delay_steps: int, control: Floats | None) -> Stretch:
+        scenario = instead(given)
         plant = _model(recording, scenario)
         controller = build_controller(scenario, plant, recording.reference, delay_steps)
         measures = not run.scenario.has_estimator
-        disturbance = build_disturbances(run.scenario, recording.plant) if measures else None
+        disturbance = build_disturbances(given, recording.plant) if measures else None
         decider = Decider(controller, TrueState(), plant, disturbance)
         return Stretch(row, decider, control)
 
     begins = {}
     if run.first_step == 0:
-        begins[0] = stretch(0, instead(run.scenario), 0, None)
+        begins[0] = stretch(0, run.scenario, 0, None)
     for change in _restarts(run, _CONTROLLER):
         row = change.step - run.first_step
         control = None if change.control is None else np.array(change.control)
-        scenario = instead(override(run.scenario, change.of_scenario))
-        begins[row] = stretch(row, scenario, change.delay_steps, control)
+        begins[row] = stretch(row, override(run.scenario, change.of_scenario), change.delay_steps, control)
     return list(begins.values())
 
 

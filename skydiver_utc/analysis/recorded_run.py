@@ -102,7 +102,7 @@ class RecordedRun:
         )
         pushed = np.flatnonzero(np.nan_to_num(pushes.values).any(axis=0))
         own = [j for j, name in enumerate(names) if name not in (_SOLVE_TIME, _STATUS)]
-        sensors = getattr(self.scenario.estimator, "sensors", ())
+        sensors = getattr(self.scenario.estimator, "sensors", None) or ()
         judged = {f"{name}_{sensor}" for name in JUDGEMENT for sensor in sensors}
         own_estimated = [j for j, name in enumerate(of_estimator) if name not in judged]
         unknown = np.full(end - first, np.nan)

@@ -60,7 +60,7 @@ def run(
     Several scenarios run side by side, each in a namespace with its own clock topic and its own run folder. NAME is
     the namespace, as in anna=turn_360_left; without it: skydiver, skydiver_2 and so on.
 
-    Starts plant, reference, controller and recorder as processes of their own, on a ROS domain of its own
+    Starts all nodes of the scenario and a recorder as processes of their own, on a ROS domain of its own
     unless ROS_DOMAIN_ID is set. The run folder holds the bag, the scenario, metrics.json, tracking.png and
     report.html.
     """

@@ -24,7 +24,7 @@ class PoseController(LimitedController):
         if {"Cm_damp_yaw", "alpha"} - set(plant.control_names):
             raise ValueError("the pose controller is for a plant with the controls Cm_damp_yaw and alpha")
         self._settings = settings
-        self._outputs_of, self._outputs = plant.bound_model.outputs, np.empty(len(plant.output_names))
+        self._plant, self._outputs = plant, np.empty(len(plant.output_names))
         self._output = plant.output_names.index(outputs[0])
         self._damping_at, self._alpha_at = map(plant.control_names.index, ("Cm_damp_yaw", "alpha"))
         super().__init__(plant)
@@ -32,7 +32,7 @@ class PoseController(LimitedController):
     def decide(self, state: Array, preview: Array) -> Decision:
         """u = K_p (yr_ref - yr_real) + K_FF yr_ref, bounded and slewed."""
         reference = float(preview[0, 0])
-        self._outputs_of(state, self._outputs)
+        self._plant.bound_model.outputs(state, self._outputs)
         error = reference - float(self._outputs[self._output])
         feed_forward = self._settings.K_FF * reference
         alpha = self._settings.K_p * error + feed_forward

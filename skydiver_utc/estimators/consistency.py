@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-JUDGEMENT = ("nis_mean", "nis_low", "nis_high", "verdict")  # the same, for each sensor
+JUDGEMENT = ("nis_mean", "nis_low", "nis_high", "verdict")  # telemetry, each with `_<sensor>`
 _LEAST = 20  # measurements for a verdict
 VERDICTS = (
     "too few",

@@ -75,6 +75,10 @@ class PlantSteps:
         self._read_sensors(before)
         return self._monitor.observe(self.k, state) and self.k < self._steps
 
+    def push(self, change: Array) -> None:
+        """Add to the state (n,) at the next step."""
+        self.pushed = change if self.pushed is None else self.pushed + change
+
     def _read_sensors(self, before: Array) -> None:
         if self.sensors is not None:
             control = self.plant.step_control(before, self.applied)

@@ -17,6 +17,7 @@ from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.parameters import ParameterError
 
 Vector = NDArray[np.float64]
+_PATIENCE_S = 5.0
 
 
 class AnsweringNode(ScenarioNode):
@@ -33,7 +34,7 @@ class AnsweringNode(ScenarioNode):
         self.pending: tuple[int, Any, Any] | None = None
         self.inputs: list[Subscription] = []
         self.tuned = TunedScenario(self.scenario, getattr(self.settings, "delay_steps", 0))
-        self.is_first, self._began_at = True, 0  # of the next answer: the first one; its step
+        self.is_first, self._began_at = True, 0  # true until the first answer; the step of that answer
         self.began_from: Vector | None = None  # the applied command that it begins from
         self._changes = self.advertise(topics.CHANGES)
         self.subscribe(topics.SCENARIO, self.on_scenario)
@@ -105,8 +106,15 @@ class AnsweringNode(ScenarioNode):
         if self.answered >= 0 and different:
             self._publish_change()
 
+    def silence(self) -> str:
+        """One sentence where no step has come for long, during a run; else empty."""
+        silent_s = time.monotonic() - self.received_at
+        if 0 <= self.answered < self.scenario.steps - 1 and silent_s > _PATIENCE_S:
+            return f"nothing to answer after step {self.answered} for {silent_s:.1f} s"
+        return ""
+
     def begins_at(self, k: int) -> None:
-        """Record a first answer that is not that of the recorded scenario to step 0."""
+        """Publish a change where this node begins after step 0, or with other parameters than the plant."""
         self.is_first, self._began_at = False, k
         if k > 0 or self.tuned.changes:
             self._publish_change()

@@ -2,7 +2,6 @@
 """The controller as a node: one command for each state, in real time for the newest, with the state's stamp."""
 
 import sys
-import time
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
@@ -35,7 +34,6 @@ from skydiver_utc.parameters.nanoseconds import stamp_ns
 
 Vector = NDArray[np.float64]
 
-_PATIENCE_S = 5.0
 _WARNINGS = {
     Status.KEPT_PREVIOUS: "the last decision was not finite: kept the control before",
     Status.NOT_REACHED: "the reference has long been out of reach",
@@ -104,7 +102,7 @@ class ControllerNode(AnsweringNode):
         """Answer a state, or estimate."""
         frames = (self.settings.world_frame, self.settings.body_frame)
         state = read_state(message, self._plant.state_names, frames)
-        if fault := self._plant.fault(state):
+        if not self.scenario.has_estimator and (fault := self._plant.fault(state)):
             raise MessageError("model", fault)
         self.receive(message.header.stamp, state)
 
@@ -149,10 +147,7 @@ class ControllerNode(AnsweringNode):
             return f"waiting for the reference of step {k}: it covers {self._preview.covered()}"
         if waiting and (unmatched := self.unmatched()):
             return f"waiting for subscribers of {', '.join(unmatched)}"
-        silent_s = time.monotonic() - self.received_at
-        if 0 <= self.answered < self.scenario.steps - 1 and silent_s > _PATIENCE_S:
-            return f"no new state after step {self.answered} for {silent_s:.1f} s"
-        return ""
+        return self.silence()
 
     def _build(self, scenario: Scenario) -> Controller:
         delay_steps = self.settings.delay_steps

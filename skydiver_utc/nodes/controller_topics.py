@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The messages that a controller publishes in answer to a state."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,10 @@ class ControllerTopics:
                 f" {len(control_names)} of {', '.join(TWIST_COMPONENTS)}"
             )
         command_type = topics.COMMAND_TYPES[s.command_message]
-        self._command = node.advertise(topics.COMMAND.of_type(command_type))
+        command = topics.COMMAND.of_type(command_type)
+        if node.scenario.has_estimator:
+            command = replace(command, subscribers=(topics.PLANT, topics.ESTIMATOR))
+        self._command = node.advertise(command)
         self._telemetry = node.advertise(topics.TELEMETRY)
         self._clock = node.publisher(topics.CLOCK) if s.publish_clock else None
         self._command_message = command_type()

@@ -25,9 +25,9 @@ from skydiver_utc.messages import read_named, read_sensor, read_state
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.answering_node import AnsweringNode
 from skydiver_utc.nodes.diagnostics import Health, Level
+from skydiver_utc.nodes.lifecycle import NotNeededError
 from skydiver_utc.nodes.plant_topics import StampedTopic, state_topic
 from skydiver_utc.nodes.process import run
-from skydiver_utc.parameters import ParameterError
 from skydiver_utc.rotations import turn_into_body
 
 Vector = NDArray[np.float64]
@@ -38,7 +38,8 @@ class EstimatorNode(AnsweringNode):
     """Publishes an estimate for each step of the clock; begins when the controller is subscribed to it.
 
     In lockstep it takes the measurements that arrive at the step and the command of the step before, and waits for
-    them; in real time those that have come and the newest command. An estimator without sensors has the state.
+    them; in real time those that have arrived and the newest command. An estimator without sensors subscribes to
+    `state`.
     """
 
     KIND = topics.ESTIMATOR
@@ -47,7 +48,7 @@ class EstimatorNode(AnsweringNode):
     def build(self) -> None:
         """Build the estimator, which compiles it."""
         if not self.scenario.has_estimator:
-            raise ParameterError(f"the scenario {self.scenario.name} has no estimator: leave this node out")
+            raise NotNeededError(f"the scenario {self.scenario.name} has no estimator")
         super().build()
         self._lockstep = self.settings.mode == "lockstep"
         self.get_logger().info("building")
@@ -79,6 +80,7 @@ class EstimatorNode(AnsweringNode):
         self._readings = {key: reading for key, reading in self._readings.items() if reading.step == 0}
         for innovations in self._recent:
             innovations.clear()
+        self._judged = [consistency(np.empty((0, sensor.size))) for sensor in self._models]
 
     def subscribe_to_inputs(self) -> list[Subscription]:
         """To the measurements last: a plant that has matched these has matched the clock, too."""
@@ -91,6 +93,15 @@ class EstimatorNode(AnsweringNode):
             topic = topics.sensor_topic(sensor.name, sensor.message)
             inputs.append(self.subscribe(topic, partial(self.on_reading, i, sensor), each))
         return inputs
+
+    def receive(self, stamp: Any, given: Any) -> None:
+        """Answer a step; for one that is retransmitted while its command is missing repeat the last estimate.
+
+        The controller repeats its command then, or, if it has been started again, decides on the estimate.
+        """
+        if self.pending is not None and self.answered >= 0 and self.grid.step_of(stamp) == self.pending[0]:
+            self.repeat(stamp)
+        super().receive(stamp, given)
 
     def repeat(self, stamp: Any) -> None:
         """Publish the last estimate again."""
@@ -123,7 +134,8 @@ class EstimatorNode(AnsweringNode):
             "answer_rate_Hz": self.rate.read(self.answered),
         }
         for sensor, c in zip(self._models, self._judged, strict=True) if self.answered >= 0 else ():
-            values[f"nis_{sensor.name}"] = f"{c.mean:.2f} ({c.low:.2f} to {c.high:.2f} expected): {c.verdict}"
+            expected = f"{c.mean:.2f} ({c.low:.2f} to {c.high:.2f} expected): " if np.isfinite(c.mean) else ""
+            values[f"nis_{sensor.name}"] = expected + c.verdict
         missing = self.missing()
         level = Level.WARN if missing and self.answered >= 0 else Level.OK
         return Health(level, missing or "estimating", values)
@@ -135,7 +147,7 @@ class EstimatorNode(AnsweringNode):
                 f"waiting for the measurements of step {self.pending[0]}, or the command of the step before"
             )
         unmatched = self.unmatched() if self.answered < 0 else []
-        return f"waiting for subscribers of {', '.join(unmatched)}" if unmatched else ""
+        return f"waiting for subscribers of {', '.join(unmatched)}" if unmatched else self.silence()
 
     def answer(self) -> None:
         """Publish the pending estimate, once its inputs are complete."""
@@ -181,7 +193,7 @@ class EstimatorNode(AnsweringNode):
         self._telemetry.publish(k, np.array(values, dtype=float))
 
     def _judge(self, i: int, sensor: SensorOfPlant) -> list[float]:
-        """Mean NIS of late, the bounds of a filter that is right, and the number of the verdict."""
+        """Mean NIS of the newest measurements, its 95 % interval, and the number of the verdict."""
         estimator = self._estimation.estimator
         name = f"innovation_{sensor.name}_{sensor.names[0]}"
         if name in estimator.telemetry_names:

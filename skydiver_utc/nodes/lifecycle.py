@@ -24,6 +24,10 @@ class RefusedError(ValueError):
     """The node cannot do this now; a sentence on why, and on what to do."""
 
 
+class NotNeededError(Exception):
+    """The scenario has no use for this node: its process ends with exit code 0 and this sentence."""
+
+
 # What ends a node in one sentence; any other error is one of the program.
 REFUSALS = (RefusedError, ParameterError, RecordingError)
 

@@ -93,7 +93,9 @@ class ObservedRun:
         kind = Transition.TRANSITION_DEACTIVATE if paused else Transition.TRANSITION_ACTIVATE
         request = ChangeState.Request(transition=Transition(id=kind))
         if not self._answer(self._lifecycle.call_async(request), self._lifecycle.service_is_ready()).success:
-            raise ParameterError("the plant goes on: a run in real time, or one that has ended, cannot pause")
+            raise ParameterError(
+                "the plant refuses: only a run in lockstep that has not ended can pause and go on"
+            )
 
     def controller_parameters(self) -> dict[str, Any]:
         """The controller node's settings of its controller, by dotted name; empty for a node without them."""

@@ -130,7 +130,7 @@ class PlantNode(ScenarioNode):
             raise MessageError("names", f"it names {list(message.name)}: a push is of {', '.join(able)}")
         change = np.zeros(len(states))
         change[[states.index(name) for name in message.name]] = read_named(message, message.name)
-        self._run.pushed = change if self._run.pushed is None else self._run.pushed + change
+        self._run.push(change)
 
     def on_command(self, message: Any) -> None:
         """In lockstep step if this command answers the state published last; in real time keep it."""

@@ -72,7 +72,7 @@ def _run(kind: str, arguments: list[str]) -> int:
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import remove_ros_args
 
-    from skydiver_utc.nodes.lifecycle import REFUSALS
+    from skydiver_utc.nodes.lifecycle import REFUSALS, NotNeededError
 
     stop = StopRequest()
     try:
@@ -104,6 +104,9 @@ def _run(kind: str, arguments: list[str]) -> int:
         if node.refused:
             code = _refuse(kind, node.refused)
     except KeyboardInterrupt:
+        code = 0
+    except NotNeededError as error:
+        print(f"{kind}_node: {error}", file=sys.stderr)
         code = 0
     except REFUSALS as error:
         code = _refuse(kind, str(error))

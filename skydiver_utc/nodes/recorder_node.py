@@ -77,7 +77,7 @@ class RecorderNode(ScenarioNode):
             VERSIONS_FILE: json.dumps(versions(), indent=2) + "\n",
         }
         self._bag = BagWriter(self.folder, _FLUSH_INTERVAL_S, _QUEUE_LIMIT_BYTES, beside)
-        names = getattr(self.scenario.estimator, "sensors", ())
+        names = getattr(self.scenario.estimator, "sensors", None) or ()
         sensors = [topics.sensor_topic(name) for name in names]
         self._inputs = [RecorderInput(self, topic) for topic in (*sensors, *RECORDED)]
         for each in self._inputs:

@@ -83,7 +83,7 @@ STATE = Topic("state", Odometry, EACH_STEP, (CONTROLLER,), fewer_than_states=0, 
 ESTIMATE = Topic("estimate", Odometry, EACH_STEP, (CONTROLLER,), fewer_than_states=1)
 ESTIMATOR_TELEMETRY = Topic("estimator/telemetry", JointState, EACH_STEP, fewer_than_states=1)
 DISTURBANCE = Topic("disturbance", JointState, EACH_STEP, fewer_than_states=0)
-PUSH = Topic("push", JointState, EACH_AS_IT_COMES, recorded=False)
+PUSH = Topic("push", JointState, EACH_STEP, recorded=False)
 PUSHED = Topic("pushed", JointState, EACH_STEP)
 REFERENCE_PREVIEW = Topic("reference", JointTrajectory, CHUNKS, needed=True)
 SETPOINT = Topic("reference/setpoint", JointState, EACH_STEP, fewer_than_states=0)

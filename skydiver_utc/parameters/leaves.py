@@ -26,7 +26,7 @@ class Leaf(NamedTuple):
 
 
 def leaves(settings: BaseModel, prefix: str = "") -> list[Leaf]:
-    """Scalars and rows of numbers by dotted name, entries of a list by their number, without texts, tables and None."""
+    """Scalars and rows of numbers by dotted name, disturbances by their number, without texts, tables and None."""
     return list(_leaves_of(settings, prefix))
 
 
@@ -41,7 +41,7 @@ def _leaves_of(settings: BaseModel, prefix: str) -> Iterator[Leaf]:
                     yield from _leaves_of(item, f"{prefix}{name}.{key}.")
                 elif kind := _kind(item, ()):
                     yield _leaf(f"{prefix}{name}.{key}", item, kind, field, ())
-        elif isinstance(value, tuple) and value and all(isinstance(item, BaseModel) for item in value):
+        elif name == "disturbances":
             for i, item in enumerate(value):
                 yield from _leaves_of(item, f"{prefix}{name}.{i}.")
         else:

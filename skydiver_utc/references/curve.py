@@ -39,7 +39,7 @@ class CurveSettings(SlotSettings):
 
 @lru_cache(maxsize=8)
 def _kept_of(kind: type, settings: str, dt_s: float) -> dict[int, Array]:
-    """The values known by step of settings in JSON: all flights of a study share them."""
+    """Values by step, shared by references of equal settings, which come as JSON: by all flights of a study."""
     return {}
 
 

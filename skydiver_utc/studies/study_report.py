@@ -103,7 +103,7 @@ def cases_table(plan: Plan, rows: Sequence[Row]) -> str:
 def borne_table(plan: Plan, rows: Sequence[Row]) -> str:
     """For each variation and case the values about the scenario's own between which every run is a success."""
     flown = Counter(row.case for row in rows)
-    lines = [("runs of each", *(str(flown[case] // len(plan.study.vary)) for case in plan.scenarios))]
+    lines = [("runs of each error", *(str(flown[case] // len(plan.study.vary)) for case in plan.scenarios))]
     for name, one in plan.study.vary.items():
         cells = []
         for case in plan.scenarios:

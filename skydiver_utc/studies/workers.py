@@ -20,18 +20,18 @@ def executor(workers: int, scheduler: str = "") -> Iterator[Executor]:
 
     scheduler: address of a Dask cluster that runs already, whose workers have this package
     """
-    # Before a worker imports NumPy: threads of its linear algebra would wait for one another on small matrices.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if scheduler:
         with _cluster(scheduler) as cluster:
             yield cluster
         return
-    pool: Executor = (
-        ThreadPoolExecutor(1)
-        if workers == 1
+    pool: Executor
+    if workers == 1:
+        pool = ThreadPoolExecutor(1)
+    else:
+        # Before a worker imports NumPy: threads of its linear algebra would wait for one another on small matrices.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         # Spawned, because a fork would copy the thread that draws the progress bar in an unknown state.
-        else ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _follow_the_parent)
-    )
+        pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _follow_the_parent)
     try:
         yield pool
     finally:

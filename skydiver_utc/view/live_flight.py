@@ -108,7 +108,7 @@ class LiveFlight:
 
     def push(self, name: str, by: float) -> None:
         """Change one state at the next step."""
-        self._steps.pushed = np.where(np.array(self.plant.state_names) == name, by, 0.0)
+        self._steps.push(np.where(np.array(self.plant.state_names) == name, by, 0.0))
 
     def now(self) -> Instant:
         """The present instant."""

@@ -56,6 +56,7 @@ class RosFlight:
         if self._rows and row[0] < self._rows[-1][0]:
             self._rows.clear()
             self.gusts.reset()
+            self._gust = STILL_AIR
         if not self._rows or row[0] > self._rows[-1][0]:
             self._rows.append(row)
         wind, state = self.gusts.wind(self._node.k), self._node.state

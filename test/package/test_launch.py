@@ -137,13 +137,6 @@ def test_the_end_of_a_plant_ends_the_nodes_of_its_namespace(monkeypatch: pytest.
     assert recorder.arguments["on_exit"](types.SimpleNamespace(returncode=-9), None) == []
 
 
-def test_an_estimator_starts_only_where_its_scenario_has_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    scenarios = ("fast_turn_gyro_accelerometer", "fast_turn_unknown_dynamics")
-    given = [f"{{scenario: {name}}}" for name in scenarios]
-    counts = [len(described(monkeypatch, node="estimator", parameters=text)) for text in given]
-    assert counts == [1, 0]
-
-
 def test_a_parameter_file_counts_before_the_arguments(monkeypatch: pytest.MonkeyPatch) -> None:
     given = {
         "node": "plant",

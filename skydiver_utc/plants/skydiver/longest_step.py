@@ -63,7 +63,7 @@ def fastest_damping(model: Model, initial: Array, alpha: float) -> FastestDampin
         return changed / _STEP_S
 
     def of_rates(alpha: float) -> list[Array]:
-        """Three times the change of the accelerations (6,) from a body rate to its opposite."""
+        """The changes of the accelerations (6,) from a rate about each axis to its opposite."""
         held = np.array([high[0], 0.0, 0.0, alpha])
         return [accelerations(_SPEED, d, held) - accelerations(_SPEED, -d, held) for d in _RATE * np.eye(3)]
 

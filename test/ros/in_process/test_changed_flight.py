@@ -21,6 +21,7 @@ from skydiver_utc.nodes.plant_node import PlantNode
 from skydiver_utc.nodes.recorder_node import RecorderNode
 from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.parameters import ParameterError
+from skydiver_utc.rotations import turn_into_world
 from skydiver_utc.view.live_controls import LivePage
 from skydiver_utc.view.live_flight import LiveFlight
 from skydiver_utc.view.ros_flight import RosFlight
@@ -120,7 +121,13 @@ def test_sliders_ghost_push_and_gust_reach_the_flight_and_the_bag(ros: Ros, tmp_
     assert [change.of_scenario for change in run.changes] == [{"controller.P_err": 2e-4}]
     pushes = dict(zip(run.disturbance_names, run.disturbance.T, strict=True))
     assert pushes["push_wz"].tolist().count(1.0) == np.count_nonzero(pushes["push_wz"]) == 1
-    assert np.abs(np.cumsum(pushes["push_vy"])).max() > 1.0  # the gust
+    gust = np.zeros((len(run.states), 3))  # in the world
+    for row, state, total in zip(
+        np.column_stack([pushes[f"push_v{c}"] for c in "xyz"]), run.states, gust, strict=True
+    ):
+        turn_into_world(state[3:7], row, total)
+    gust = np.cumsum(gust, axis=0)
+    assert np.abs(gust).max() > 1.0
     # What is recorded flies again, bit for bit.
     again = PlantSteps(run.scenario)
     again.begin()

@@ -21,9 +21,10 @@ from skydiver_utc.messages import read_named
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.controller_node import ControllerNode
 from skydiver_utc.nodes.estimator_node import EstimatorNode
+from skydiver_utc.nodes.lifecycle import NotNeededError
 from skydiver_utc.nodes.plant_node import PlantNode
 from skydiver_utc.nodes.reference_node import ReferenceNode
-from skydiver_utc.parameters import ParameterError, Scenario, override, to_yaml
+from skydiver_utc.parameters import Scenario, override, to_yaml
 
 pytest_plugins = ("ros_fixtures",)
 
@@ -141,6 +142,6 @@ def test_an_estimator_of_ones_own_is_given_the_measured_state(ros: Ros, tmp_path
     assert flight.commands().tobytes() == simulate(flight.scenario).commands.tobytes()
 
 
-def test_a_scenario_without_an_estimator_is_refused(ros: Ros) -> None:
-    with pytest.raises(ParameterError, match="no estimator"):
+def test_an_estimator_is_not_needed_where_the_scenario_has_none(ros: Ros) -> None:
+    with pytest.raises(NotNeededError, match="fast_turn_unknown_dynamics"):
         EstimatorNode(ros.context, {"scenario": "fast_turn_unknown_dynamics"})
