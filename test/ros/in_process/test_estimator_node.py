@@ -39,10 +39,24 @@ FILTER = {
 }
 
 
+class LosesOne(EstimatorNode):
+    """Loses the command of step 20, once."""
+
+    lost = False
+
+    def on_command(self, message: Any) -> None:
+        if self.lost or self.grid.step_of(message.header.stamp) != 20:
+            super().on_command(message)
+        else:
+            self.lost = True
+
+
 class Flight:
     """A cart with all nodes but the recorder, in one process."""
 
-    def __init__(self, ros: Ros, folder: Path, **settings: object) -> None:
+    def __init__(
+        self, ros: Ros, folder: Path, node: type[EstimatorNode] = EstimatorNode, **settings: object
+    ) -> None:
         self.scenario: Scenario = override(
             cart(), {"duration_s": 20.0, "controller": {"kind": "lqr"}, **settings}
         )
@@ -55,7 +69,7 @@ class Flight:
         waiting = self.given | {"wait_for_recorder": True}
         ros.add(ReferenceNode(ros.context, self.given))
         self.controller = ros.add(ControllerNode(ros.context, waiting))
-        self.estimator = ros.add(EstimatorNode(ros.context, waiting))
+        self.estimator = ros.add(node(ros.context, waiting))
         self.plant = ros.add(
             PlantNode(ros.context, self.given | {"command_timeout_s": 0.3, "command_retries": 100})
         )
@@ -95,8 +109,11 @@ class Flight:
         return estimate_at(estimations, 0, measured, self.commands())
 
 
-def test_a_flight_on_sensors_equals_the_simulation(ros: Ros, tmp_path: Path) -> None:
-    flight = Flight(ros, tmp_path, estimator=FILTER)
+@pytest.mark.parametrize("node", [EstimatorNode, LosesOne])
+def test_a_flight_on_sensors_equals_the_simulation(
+    ros: Ros, tmp_path: Path, node: type[EstimatorNode]
+) -> None:
+    flight = Flight(ros, tmp_path, node, estimator=FILTER)
     flight.until_the_end()
     run = simulate(flight.scenario)
     assert flight.commands().tobytes() == run.commands.tobytes()
