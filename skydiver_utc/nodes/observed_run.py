@@ -25,6 +25,7 @@ from sensor_msgs.msg import JointState
 from skydiver_utc.loop.build import build_reference, build_true_plant
 from skydiver_utc.loop.tuned_scenario import plain
 from skydiver_utc.messages import MessageError, StepGrid, fill_named, read_named, read_state
+from skydiver_utc.messages.texts import read_outcome, run_id_of
 from skydiver_utc.nodes import topics
 from skydiver_utc.parameters import ParameterError, Scenario, from_yaml, leaves
 from skydiver_utc.plants.protocol import Plant
@@ -52,6 +53,7 @@ class ObservedRun:
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self._node)
         self._scenario: Scenario | None = None
+        self._run_id = ""
         self._begun = False
         self._pushes = self._node.create_publisher(topics.PUSH.type, topics.PUSH.name, topics.PUSH.qos)
         self._parameters = AsyncParameterClient(self._node, topics.CONTROLLER)
@@ -151,7 +153,7 @@ class ObservedRun:
             time.sleep(_POLL_S)
 
     def _on_scenario(self, message: Any) -> None:
-        self._scenario, self.ended = from_yaml(str(message.data)), False
+        self._scenario, self._run_id, self.ended = from_yaml(str(message.data)), run_id_of(message.data), False
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -176,4 +178,4 @@ class ObservedRun:
         self.telemetry = dict(zip(message.name, values.tolist(), strict=True))
 
     def _on_outcome(self, message: Any) -> None:
-        self.ended = True
+        self.ended = self.ended or read_outcome(message.data)["run_id"] == self._run_id
