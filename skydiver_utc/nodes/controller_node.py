@@ -25,7 +25,7 @@ from skydiver_utc.loop.build import (
 from skydiver_utc.loop.decisions import Decider
 from skydiver_utc.messages import MessageError, PreviewStore, StepGrid, read_named, read_preview, read_state
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.answering_node import AnsweringNode
+from skydiver_utc.nodes.answering import AnsweringNode
 from skydiver_utc.nodes.controller_topics import ControllerTopics
 from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.process import run

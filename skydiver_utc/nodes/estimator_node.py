@@ -23,7 +23,7 @@ from skydiver_utc.loop.build import (
 from skydiver_utc.loop.estimation import Estimation
 from skydiver_utc.messages import read_named, read_sensor, read_state
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.answering_node import AnsweringNode
+from skydiver_utc.nodes.answering import AnsweringNode
 from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.lifecycle import NotNeededError
 from skydiver_utc.nodes.plant_topics import StampedTopic, state_topic

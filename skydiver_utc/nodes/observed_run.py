@@ -153,7 +153,11 @@ class ObservedRun:
             time.sleep(_POLL_S)
 
     def _on_scenario(self, message: Any) -> None:
-        self._scenario, self._run_id, self.ended = from_yaml(str(message.data)), run_id_of(message.data), False
+        self._scenario, self._run_id, self.ended = (
+            from_yaml(str(message.data)),
+            run_id_of(message.data),
+            False,
+        )
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:

@@ -19,7 +19,7 @@ from package_files import PACKAGE, ROOT, imports, is_ros, modules
 import skydiver_utc
 
 NAME = "skydiver_utc"
-NODES = tuple(path.stem for path in (PACKAGE / "nodes").glob("*_node.py") if path.stem != "scenario_node")
+NODES = tuple(path.stem for path in (PACKAGE / "nodes").glob("*_node.py"))
 # Libraries by another name than their distribution, or that come with another one.
 DISTRIBUTIONS = {
     "yaml": "pyyaml",
