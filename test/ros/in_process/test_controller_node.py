@@ -319,7 +319,7 @@ def test_no_new_state_is_a_warning(stage: Stage, monkeypatch: pytest.MonkeyPatch
     stage.ready().send(0)
     stage.answers(1)
     assert stage.node.health().level is Level.OK
-    monkeypatch.setattr("skydiver_utc.nodes.controller_node._PATIENCE_S", 0.0)
+    monkeypatch.setattr("skydiver_utc.nodes.answering._PATIENCE_S", 0.0)
     assert stage.node.health().level is Level.WARN
 
 
