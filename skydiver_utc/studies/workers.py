@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 from skydiver_utc.parameters import ParameterError
 
-_CONNECT_S = 10
+_CLOSE_S = 10
 
 
 @contextmanager
@@ -45,7 +45,7 @@ def _cluster(scheduler: str) -> Iterator[Executor]:
     except ModuleNotFoundError as error:
         raise ParameterError("--scheduler needs Dask: pip install skydiver_utc[studies]") from error
     try:
-        client = Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
+        client = Client(scheduler, set_as_default=False)  # within `distributed.comm.timeouts.connect`
     except (OSError, ValueError) as error:
         raise ParameterError(
             f"no Dask scheduler answers at {scheduler}: check the address ({error})"
@@ -53,7 +53,7 @@ def _cluster(scheduler: str) -> Iterator[Executor]:
     try:
         yield client.get_executor(pure=False, retries=0)
     finally:
-        client.close(timeout=_CONNECT_S)
+        client.close(timeout=_CLOSE_S)
 
 
 def _follow_the_parent() -> None:

@@ -340,7 +340,8 @@ class TestProcesses:
 def test_no_scheduler_at_an_address_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     path = study_file(tmp_path)
-    result = invoke("study", "run", path, "--out", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:1")
+    with pytest.importorskip("dask.config").set({"distributed.comm.timeouts.connect": "1s"}):
+        result = invoke("study", "run", path, "--out", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:1")
     assert result.exit_code == 2
     assert "127.0.0.1:1" in result.stderr
 
