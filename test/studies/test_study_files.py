@@ -322,7 +322,7 @@ class TestProcesses:
                 victim.kill()
                 victim.wait()
                 _, error = process.communicate(timeout=PATIENCE_S)
-                assert process.returncode == 1
+                assert process.returncode == 1, error
                 assert name in error
         finally:
             for each in filter(None, (worker, scheduler)):
