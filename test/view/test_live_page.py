@@ -80,7 +80,10 @@ def test_a_live_flight_is_drawn_and_obeys(open_page):
         blown, still = flight.now(), LiveFlight(flight.scenario)
         still.advance(blown.time_s - 0.5 * flight.scenario.dt_s)
         assert still.now().time_s == blown.time_s
-        assert abs(blown.state[12] - still.now().state[12]) > np.deg2rad(0.5)
+        actual = next(curve.column for curve in flight.signals.charts()[0].curves if curve.label == "actual")
+        (time_s, rates), (times_s, straight) = (each.history()[:, [0, actual]].T for each in (flight, still))
+        np.testing.assert_array_equal(time_s, times_s)
+        assert np.abs(rates - straight).max() > 0.5  # deg/s
         # The path of the last seconds is a line, and hides nothing.
         is_of_path = np.abs(shown.pixels(SCENE).astype(int) - (204, 121, 167)).max(axis=2) < 25
         assert 10 < np.count_nonzero(is_of_path) < 0.05 * is_of_path.size
