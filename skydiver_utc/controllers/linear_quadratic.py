@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.controllers.horizon import cost_of
-from skydiver_utc.controllers.limits import LimitedController, limits_of
+from skydiver_utc.controllers.limits import LimitedController
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import LqrSettings
 from skydiver_utc.jit import unfused
@@ -116,7 +116,7 @@ class LinearQuadraticController(LimitedController):
         self._gains = design(self._plant, cost.control, cost.change, settings.horizon_steps)
         self.preview_steps = settings.preview_steps(dt_s)
         super().__init__(plant)
-        self._tracks = self._plant.outputs, self._gains.preview, limits_of(plant)
+        self._tracks = self._plant.outputs, self._gains.preview, self._limits
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """u_k = u_k-1 - K xi + F r, then the limits."""

@@ -29,13 +29,13 @@ class Decider:
     ) -> None:
         self.controller = controller
         self.solve_time_s = 0.0
-        self._estimation, self._estimator = Estimation(estimator, model, disturbance), estimator
+        self._estimation = Estimation(estimator, model, disturbance)
         self._measures = bool(estimator.telemetry_names)
 
     @property
     def telemetry_names(self) -> tuple[str, ...]:
         """Of the telemetry of decisions: the controller's, then the estimator's."""
-        return (*self.controller.telemetry_names, *self._estimator.telemetry_names)
+        return (*self.controller.telemetry_names, *self._estimation.estimator.telemetry_names)
 
     def begin(self, control: Array | None = None) -> None:
         """Begin a run, or let a controller continue one from an applied control (m,): the estimate is kept."""
@@ -58,7 +58,9 @@ class Decider:
         self._command = decision.control
         if not self._measures:
             return decision
-        return decision._replace(telemetry=np.append(decision.telemetry, self._estimator.telemetry))
+        return decision._replace(
+            telemetry=np.append(decision.telemetry, self._estimation.estimator.telemetry)
+        )
 
     def predict(self) -> None:
         """Advance the estimate by one step under the command decided last."""

@@ -62,7 +62,6 @@ class EstimatorNode(AnsweringNode):
         self._readings: dict[tuple[int, int], Reading] = {}  # not used yet, by sensor and step
         self._recent = [deque[Vector](maxlen=_RECENT) for _ in self._models]  # innovations
         consistency(np.ones((_RECENT, 1)))  # imports SciPy before the run
-        self._judged = [consistency(np.empty((0, sensor.size))) for sensor in self._models]
         self._out = state_topic(self, topics.ESTIMATE, self._plant)
         judged = (f"{name}_{sensor.name}" for sensor in self._models for name in JUDGEMENT)
         names = (*estimator.telemetry_names, *judged)
