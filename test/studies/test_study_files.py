@@ -301,7 +301,7 @@ class TestProcesses:
         self, path: Path, tmp_path: Path
     ) -> None:
         pytest.importorskip("distributed")
-        file = tmp_path / "scheduler.json"
+        file, cluster = tmp_path / "scheduler.json", tmp_path / "cluster"
         dask: Callable[..., subprocess.Popen[str]] = lambda *given: subprocess.Popen(  # noqa: E731
             [sys.executable, "-m", *given, "--scheduler-file", str(file), "--no-dashboard"],
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True,
@@ -314,27 +314,28 @@ class TestProcesses:
             while not file.is_file() and time.monotonic() < until:
                 time.sleep(0.05)
             address = json.loads(file.read_text(encoding="utf-8"))["address"]
-            for least in (3, 6):
+            for victim in ("worker", "scheduler"):
                 worker = dask("distributed.cli.dask_worker", "--nthreads", "1", "--no-nanny")
-                process = start("study", "run", path, "--out", tmp_path / "cluster", "--scheduler", address)
-                ended(tmp_path / "cluster", least, process)
-                (victim, name) = (worker, "worker") if least == 3 else (scheduler, "scheduler")
-                victim.kill()
-                victim.wait()
+                kept = len(rows(cluster)) if cluster.is_dir() else 0
+                process = start("study", "run", path, "--out", cluster, "--scheduler", address)
+                ended(cluster, kept + 3, process)
+                killed = worker if victim == "worker" else scheduler
+                killed.kill()
+                killed.wait()
                 _, error = process.communicate(timeout=PATIENCE_S)
                 assert process.returncode == 1, error
-                assert name in error
+                assert victim in error
         finally:
             for each in filter(None, (worker, scheduler)):
                 each.kill()
                 each.wait()
-        kept = rows(tmp_path / "cluster")
-        assert len(kept) >= 6
-        assert "failed" not in {row[2] for row in kept.values()}
+        finished = rows(cluster)
+        assert len(finished) >= 6
+        assert "failed" not in {row[2] for row in finished.values()}
         path.write_text(path.read_text(encoding="utf-8").replace("runs: 100", "runs: 2"), encoding="utf-8")
         assert call("study", "run", path, "--out", tmp_path / "here", "--workers", 1)[0] == 0
         here = rows(tmp_path / "here")
-        assert {n: kept[n] for n in here if n in kept} == {n: here[n] for n in here if n in kept}
+        assert {n: finished[n] for n in here if n in finished} == {n: here[n] for n in here if n in finished}
 
 
 def test_no_scheduler_at_an_address_is_refused(tmp_path: Path) -> None:
