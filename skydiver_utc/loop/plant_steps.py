@@ -24,8 +24,8 @@ class PlantSteps:
     """The true plant of a run and its disturbances: at step `k` its `state` (n,), before it `applied` (a,).
 
     `readings` of sensors arrive at step k, where the estimator has sensors; else they are None. `k` is -1 before the
-    run; the run is over after the last step, or when the plant has a fault. `pushed` (n,): what users add to the
-    state at the next step, None for nothing.
+    run; the run is over after the last step, or when the plant has a fault. `pushed` (n,): what users added to the
+    state of step k, None for nothing.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -49,6 +49,8 @@ class PlantSteps:
         self.applied = np.array(self.plant.initial_applied(), dtype=float)
         self._lagged = self.control
         self.pushed: Array | None = None
+        self._push: Array | None = None  # for the next step
+        self._goes_back = False
         self._monitor = OutcomeMonitor(self._scenario, self.plant)
         self.readings: list[Reading] | None = None
         if self.sensors is not None:
@@ -69,15 +71,22 @@ class PlantSteps:
         state = self.plant.step(self.state, before, self.applied)
         self.k += 1
         state = self.disturbance.state(self.k, state)
+        if self._goes_back:
+            self.push(self.plant.initial_state() - state)
+        self.pushed, self._push, self._goes_back = self._push, None, False
         if self.pushed is not None:
-            state, self.pushed = state + self.pushed, None
+            state = state + self.pushed
         self.state = state
         self._read_sensors(before)
         return self._monitor.observe(self.k, state) and self.k < self._steps
 
     def push(self, change: Array) -> None:
         """Add to the state (n,) at the next step."""
-        self.pushed = change if self.pushed is None else self.pushed + change
+        self._push = change if self._push is None else self._push + change
+
+    def go_back(self) -> None:
+        """To the initial state at the next step; time, actuators and measurements go on."""
+        self._goes_back = True
 
     def _read_sensors(self, before: Array) -> None:
         if self.sensors is not None:

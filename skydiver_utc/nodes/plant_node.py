@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from rclpy.timer import Timer
 from std_msgs.msg import String
+from std_srvs.srv import Empty
 
 from skydiver_utc.errors import FAILED
 from skydiver_utc.loop.outcome import REACHED_THE_END, Outcome
@@ -62,6 +63,7 @@ class PlantNode(ScenarioNode):
         self._commands = self.subscribe(topics.COMMAND, self.on_command, qos)
         self.subscribe(topics.RECORDER_READY, self.on_recorder_ready)
         self.subscribe(topics.PUSH, self.on_push)
+        self.create_service(Empty, topics.RESET_SERVICE, self.on_reset)
 
     def configure(self) -> None:
         """Go to the scenario's beginning, under a new id of the run."""
@@ -131,6 +133,11 @@ class PlantNode(ScenarioNode):
         change = np.zeros(len(states))
         change[[states.index(name) for name in message.name]] = read_named(message, message.name)
         self._run.push(change)
+
+    def on_reset(self, _: Empty.Request, response: Empty.Response) -> Empty.Response:
+        """Put the plant back to its initial state at the next step of a run that goes on."""
+        self._run.go_back()
+        return response
 
     def on_command(self, message: Any) -> None:
         """In lockstep step if this command answers the state published last; in real time keep it."""
@@ -258,11 +265,10 @@ class PlantNode(ScenarioNode):
 
     def _step(self, command: Any) -> bool:
         """One step; False when the run is over."""
-        pushed = self._run.pushed
         goes_on = self._run.step(command)
         self._retries = 0
-        if pushed is not None:
-            self._out.publish_pushed(self.k, pushed)
+        if self._run.pushed is not None:
+            self._out.publish_pushed(self.k, self._run.pushed)
         self._publish_state()
         self._out.publish_applied(self.k - 1, self._run.applied)
         self._display.publish(self.k, self._run.state, self._run.applied)

@@ -29,9 +29,8 @@ class ChangedFlight(Flight, Protocol):
     def push(self, name: str, by: float) -> None:
         """Change one state at the next step."""
 
-    @property
-    def reset(self) -> Callable[[], None] | None:
-        """Begin again; None where that is not possible."""
+    def reset(self) -> None:
+        """Begin again. Raises `ParameterError`."""
 
     def pause(self, paused: bool) -> None:
         """The page stands still, or goes on. Raises `ParameterError` where the flight does not."""
@@ -47,8 +46,7 @@ class LivePage(Page):
     def add_controls(self) -> None:
         """Buttons, and a slider, switch or choice for each setting."""
         gui, flight, able = self.server.gui, self.flight, states_to_push(self.flight.plant)
-        if flight.reset is not None:
-            self.on("Reset", flight.reset, gui.add_button("Reset"), "R")
+        self.on("Reset", flight.reset, gui.add_button("Reset"), "R")
         with gui.add_folder("Gust and push"):
             if flight.gusts.settings is not None:
                 self.on("Gust", flight.blow, gui.add_button("Gust"), "G")

@@ -35,8 +35,6 @@ class RosFlight:
     by the standard deviations of the newest telemetry.
     """
 
-    reset = None
-
     def __init__(self, node: ObservedRun) -> None:
         self._node = node
         self.name, self.plant, self.tracked = node.namespace, node.plant, node.tracked
@@ -84,6 +82,12 @@ class RosFlight:
     def blow(self) -> None:
         """Let a gust begin now: as pushes of the velocity relative to the air."""
         self.gusts.blow(self._node.k)
+
+    def reset(self) -> None:
+        """Put the body back to its initial state; the run goes on. Raises `ParameterError` without an answer."""
+        self.gusts.reset()
+        self._gust = STILL_AIR
+        self._node.reset()
 
     def push(self, name: str, by: float) -> None:
         """Change one state at the plant's next step."""

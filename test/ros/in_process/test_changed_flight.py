@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A flight over ROS that its page changes: sliders, ghost, push, gust and pause; the bag has all of it."""
+"""A flight over ROS that its page changes: sliders, ghost, push, gust, pause and reset; the bag has all of it."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -106,8 +106,12 @@ def test_sliders_ghost_push_and_gust_reach_the_flight_and_the_bag(ros: Ros, tmp_
         flight.blow()
         assert plant.k == stands_at
         observed.pause(False)
+        put_back = False
         while not plant.done:
             flight.advance(0.01)
+            if not put_back and flight.now().time_s > 4.0:
+                flight.reset()
+                put_back = True
             wait(lambda: plant.done or flight.now().time_s > flight.history()[-1][0])
         wait(lambda: recorder.done)
     ros.remove(controller)
@@ -120,20 +124,24 @@ def test_sliders_ghost_push_and_gust_reach_the_flight_and_the_bag(ros: Ros, tmp_
     assert checked.equal
     assert [change.of_scenario for change in run.changes] == [{"controller.P_err": 2e-4}]
     pushes = dict(zip(run.disturbance_names, run.disturbance.T, strict=True))
-    assert pushes["push_wz"].tolist().count(1.0) == np.count_nonzero(pushes["push_wz"]) == 1
+    (back,) = np.flatnonzero(pushes["push_z"])
+    np.testing.assert_allclose(run.states[back], run.plant.initial_state(), atol=1e-12)
+    assert np.flatnonzero(pushes["push_wz"]).tolist()[1:] == [back]
+    assert pushes["push_wz"].tolist().count(1.0) == 1
     gust = np.zeros((len(run.states), 3))  # in the world
     for row, state, total in zip(
         np.column_stack([pushes[f"push_v{c}"] for c in "xyz"]), run.states, gust, strict=True
     ):
         turn_into_world(state[3:7], row, total)
-    gust = np.cumsum(gust, axis=0)
+    gust = np.cumsum(gust[:back], axis=0)
     assert np.abs(gust).max() > 1.0
     # What is recorded flies again, bit for bit.
     again = PlantSteps(run.scenario)
     again.begin()
     for k, command in enumerate(run.commands):
         change = np.array([pushes.get(f"push_{n}", np.zeros(k + 2))[k + 1] for n in run.plant.state_names])
-        again.pushed = change if change.any() else None
+        if change.any():
+            again.push(change)
         again.step(command)
         np.testing.assert_array_equal(again.state, run.states[k + 1])
 
