@@ -246,7 +246,7 @@ class TestClaims:
         ("cost", "expected"),
         [
             (None, Verdict.ELSEWHERE),
-            (StepCost(held=1.5, every_step=20.0), Verdict.PARTLY),
+            (StepCost(held=1.5, every_step=20.0), Verdict.HOLDS),
             (StepCost(held=0.9, every_step=20.0), Verdict.PARTLY),
             (StepCost(held=0.9, every_step=0.8), Verdict.FAILS),
         ],
