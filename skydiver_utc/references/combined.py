@@ -41,19 +41,16 @@ class Combined:
             return tuple(found)
 
     def __init__(self, settings: Settings, dt_s: float) -> None:
-        self._parts: list[Reference] = [
-            factory("reference", part.kind)(part, dt_s) for part in settings.parts
-        ]
-        names = [name for part in self._parts for name in part.outputs]
-        self.outputs = tuple(dict.fromkeys(names))
-        self._columns = [[self.outputs.index(name) for name in part.outputs] for part in self._parts]
+        parts: list[Reference] = [factory("reference", part.kind)(part, dt_s) for part in settings.parts]
+        self.outputs = tuple(dict.fromkeys(name for part in parts for name in part.outputs))
+        self._parts = [(part, [self.outputs.index(name) for name in part.outputs]) for part in parts]
         self.amplitude: Array = np.zeros(len(self.outputs))
-        for part, columns in zip(self._parts, self._columns, strict=True):
+        for part, columns in self._parts:
             self.amplitude[columns] += part.amplitude
 
     def preview(self, k: int, count: int) -> Array:
         """The sums (count, l) at the steps k, k+1, ..."""
         values = np.zeros((count, len(self.outputs)))
-        for part, columns in zip(self._parts, self._columns, strict=True):
+        for part, columns in self._parts:
             values[:, columns] += part.preview(k, count)
         return values

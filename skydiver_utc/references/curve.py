@@ -14,7 +14,6 @@ from skydiver_utc.parameters.fields import SlotSettings
 Array = NDArray[np.float64]
 # Fewer steps would not show a period's rise and fall.
 _STEPS_OF_A_PERIOD = 10
-_MOST_KEPT = 8192
 
 
 class Curve(NamedTuple):
@@ -38,9 +37,10 @@ class CurveSettings(SlotSettings):
 
 
 @lru_cache(maxsize=8)
-def _kept_of(kind: type, settings: str, dt_s: float) -> dict[int, Array]:
-    """Values by step, shared by references of equal settings, which come as JSON: by all flights of a study."""
-    return {}
+def _values_of(kind: type[CurveSettings], settings: str, dt_s: float) -> Callable[[int], Array]:
+    """Values at a step, kept for references of equal settings, which come as JSON: for all flights of a study."""
+    value = kind.model_validate_json(settings).curve().value
+    return lru_cache(maxsize=8192)(lambda k: value(k * dt_s))
 
 
 class CurveReference:
@@ -54,18 +54,9 @@ class CurveReference:
                 f" dt_s ({dt_s:g} s)"
             )
         self.outputs, self.amplitude = curve.outputs, curve.largest
-        self._value, self._dt_s = curve.value, dt_s
-        self._kept = _kept_of(type(settings), settings.model_dump_json(), dt_s)
+        self._at = _values_of(type(settings), settings.model_dump_json(), dt_s)
 
     def preview(self, k: int, count: int) -> Array:
         """Values (count, l) at the steps k, k+1, ..., in the unit of each output."""
         values = [np.empty(0), *(self._at(i) for i in range(k, k + count))]
         return np.concatenate(values).reshape(count, len(self.outputs))
-
-    def _at(self, k: int) -> Array:
-        found = self._kept.get(k)
-        if found is None:
-            if len(self._kept) >= _MOST_KEPT:
-                self._kept.clear()
-            found = self._kept[k] = self._value(k * self._dt_s)
-        return found

@@ -87,8 +87,9 @@ class Step(Scaled):
     kind: Literal["step"] = "step"
 
     def shape(self) -> Shape:
-        """A line of one point."""
-        return _lines((0.0, self.size))
+        """The same at all times."""
+        size = self.size
+        return Shape(lambda since_s: size, abs(size))
 
 
 class Ramp(Scaled):
@@ -202,9 +203,9 @@ class Random(Scaled):
         """Sines of the seed."""
         multiples = self._multiples()
         amplitudes = np.random.default_rng(self.seed).normal(size=len(multiples))
-        points = _POINTS_OF_A_PERIOD * multiples[-1]
-        spectrum = np.zeros(points // 2 + 1, dtype=np.complex128)
-        spectrum[multiples.start : multiples.stop] = -0.5j * points * amplitudes
+        points = _POINTS_OF_A_PERIOD * max(multiples)
+        spectrum = np.zeros(multiples.stop, dtype=np.complex128)
+        spectrum[multiples.start :] = -0.5j * points * amplitudes
         scale = self.size / float(np.abs(np.fft.irfft(spectrum, points)).max())
         pairs = zip(amplitudes, multiples, strict=True)
         sines = _sines([_sine(scale * a, i / self.period_s, 0.0) for a, i in pairs])
@@ -252,8 +253,7 @@ class Rotation(Profile):
 
 def _value_since(time_s: float, start_s: float, function: Callable[[float], float]) -> Array:
     since_s = time_s - start_s
-    begun = since_s >= 0.0 or round(since_s, _DIGITS) >= 0.0
-    return np.array([function(since_s) if begun else 0.0])
+    return np.array([function(since_s) if round(since_s, _DIGITS) >= 0.0 else 0.0])
 
 
 def _lines(*points: tuple[float, float]) -> Shape:

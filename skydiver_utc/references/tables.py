@@ -33,8 +33,9 @@ class Constant(CurveSettings):
         return self
 
     def curve(self) -> Curve:
-        """A table of one row."""
-        return _table(tuple(self.values), [0.0], [list(self.values.values())])
+        """The same at all times."""
+        values = np.array(list(self.values.values()))
+        return Curve(tuple(self.values), np.abs(values), lambda time_s: values)
 
 
 class Points(CurveSettings):

@@ -56,6 +56,8 @@ SINES = {
     "kind: rotation, angle_deg: 180, duration_s: 4, start_s: 1": np.where(
         (TIME > 1) & (TIME < 5), np.pi / 4 * (1 - np.cos(np.pi / 2 * (TIME - 1))), 0
     ),
+    # Of one sine, whose amplitude is positive with the seed 0.
+    "kind: random, amplitude: 3, to_hz: 0.5, period_s: 2": 3 * np.sin(np.pi * TIME),
 }
 RANDOM = "kind: random, amplitude: 3, from_hz: 0.2, to_hz: 1, period_s: 20"
 

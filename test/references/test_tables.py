@@ -130,6 +130,17 @@ def test_sums_for_several_outputs(load, tmp_path):
     assert reference.preview(20, 3).tobytes() == found[20:23].tobytes()
 
 
+def test_a_live_reference_holds_what_it_received_last(load):
+    values = "initial: {speed: 2}, amplitude: {place: -3}"
+    reference = build_reference(
+        load(f"{{kind: live, outputs: {{place: linear.x, speed: linear.y}}, {values}}}")
+    )
+    np.testing.assert_array_equal(reference.amplitude, [3.0, 0.0])
+    np.testing.assert_array_equal(reference.preview(5, 2), [[0.0, 2.0], [0.0, 2.0]])
+    reference.receive([1.0, 4.0])
+    np.testing.assert_array_equal(reference.preview(9, 2), [[1.0, 4.0], [1.0, 4.0]])
+
+
 @pytest.mark.parametrize(
     ("reference", "words"),
     [
