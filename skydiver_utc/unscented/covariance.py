@@ -9,6 +9,8 @@ from skydiver_utc.jit import kernel
 Array = NDArray[np.float64]
 
 _SWEEPS = 30
+# The square of what an entry may be beside the norm of its matrix.
+_ROUNDING = 1e-34
 
 
 @kernel
@@ -18,27 +20,20 @@ def symmetric_root(covariance: Array, floor: float, root: Array) -> float:
     Pu is made symmetric and eigenvalues below `floor` are lifted to it, in `covariance` too. Returns the sum of what
     was added to the eigenvalues. These are found by cyclic Jacobi rotations, which make one entry (p, q) zero each.
     """
-    m = covariance.shape[0]
+    m, total = len(covariance), 0.0
     vectors = np.empty((m, m))
     for i in range(m):
         for j in range(m):
             root[i, j] = 0.5 * (covariance[i, j] + covariance[j, i])
             vectors[i, j] = 1.0 if i == j else 0.0
+            total += root[i, j] * root[i, j]
     for _ in range(_SWEEPS):
-        off, total = 0.0, 0.0
-        for i in range(m):
-            for j in range(m):
-                total += root[i, j] * root[i, j]
-                off += root[i, j] * root[i, j] if i != j else 0.0
-        if off <= 1e-32 * total:
-            break
-        for p in range(m - 1):
+        for p in range(m):
             for q in range(p + 1, m):
-                if root[p, q] == 0.0:
+                if root[p, q] * root[p, q] <= _ROUNDING * total:
                     continue
                 theta = (root[q, q] - root[p, p]) / (2.0 * root[p, q])
-                tangent = 1.0 / (abs(theta) + np.sqrt(theta * theta + 1.0))
-                tangent = -tangent if theta < 0.0 else tangent
+                tangent = np.copysign(1.0, theta) / (abs(theta) + np.sqrt(theta * theta + 1.0))
                 cosine = 1.0 / np.sqrt(tangent * tangent + 1.0)
                 sine = tangent * cosine
                 for k in range(m):

@@ -6,6 +6,7 @@ import paper_utc as paper
 import pytest
 
 from skydiver_utc.unscented.covariance import symmetric_root
+from skydiver_utc.unscented.linear_algebra import gain
 from skydiver_utc.unscented.sigma_points import weights
 
 
@@ -28,3 +29,37 @@ def test_the_root_of_a_covariance_is_scipys_of_the_repaired_matrix(seed):
     np.testing.assert_allclose(root, paper.matrix_square_root(repaired), atol=1e-6)
     values = np.linalg.eigvalsh(Pu)
     assert lifted == pytest.approx(np.maximum(1e-9 - values, 0.0).sum(), rel=1e-6, abs=1e-12)
+    if values.min() > 1e-6:
+        assert lifted == 0.0
+        np.testing.assert_array_equal(given, Pu)
+    # The same matrix in another unit.
+    smaller = np.empty((4, 4))
+    assert symmetric_root(1e-20 * Pu, 1e-29, smaller) == pytest.approx(1e-20 * lifted, rel=1e-6)
+    np.testing.assert_allclose(1e10 * smaller, root, atol=1e-12)
+
+
+def test_variances_of_zero_become_the_floor():
+    given, root = np.diag([0.0, 0.0, 4.0]), np.empty((3, 3))
+    assert symmetric_root(given, 0.25, root) == 0.5
+    np.testing.assert_array_equal(given, np.diag([0.25, 0.25, 4.0]))
+    np.testing.assert_array_equal(root, np.diag([0.5, 0.5, 2.0]))
+
+
+@pytest.mark.parametrize(("m", "l"), [(1, 1), (2, 4), (3, 2)])
+def test_the_gain_and_the_covariance_that_it_leaves_are_numpys(m, l):
+    """In the place of C_uy and of P."""
+    rng = np.random.default_rng(m)
+    factor, C_uy, P = rng.normal(size=(l, l)), rng.normal(size=(m, l)), rng.normal(size=(m, m))
+    C_y = 0.1 * (factor @ factor.T) + 0.01 * np.eye(l)
+    K, left = C_uy.copy(), P.copy()
+    assert gain(C_y.copy(), K, left)
+    np.testing.assert_allclose(K, C_uy @ np.linalg.inv(C_y), rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(left, P - K @ C_y @ K.T, rtol=1e-11, atol=1e-11)
+
+
+@pytest.mark.parametrize("variance", [0.0, -1.0, np.inf, np.nan])
+def test_outputs_without_a_definite_covariance_change_nothing(variance):
+    K, left = np.ones((1, 2)), np.ones((1, 1))
+    assert not gain(np.diag([2.0, variance]), K, left)
+    np.testing.assert_array_equal(K, [[1.0, 1.0]])
+    np.testing.assert_array_equal(left, [[1.0]])
