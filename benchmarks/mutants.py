@@ -116,7 +116,7 @@ def mutants_of(room: str, file: Path) -> list[Mutant]:
             case ast.BoolOp():
                 yield from between(end(node.values[0]), begin(node.values[1]), node.op)
             case ast.UnaryOp(op=ast.Not()):
-                yield begin(node), begin(node.operand), ""
+                yield begin(node), begin(node) + len("not"), ""
             case ast.Constant(value=bool()):
                 yield begin(node), end(node), str(not node.value)
             case ast.Constant(value=int() | float()):

@@ -143,7 +143,7 @@ def _clause(error: ErrorDetails, place: str, prefix: str, known: list[str]) -> s
     match error["type"]:
         case "extra_forbidden":
             last = place.rpartition(".")[2]
-            close = difflib.get_close_matches(place, known, 1) or [n for n in known if n.endswith(f".{last}")]
+            close = difflib.get_close_matches(place, known) or [n for n in known if n.endswith(f".{last}")]
             return f"unknown parameter {name}: " + (
                 f"did you mean {prefix}{close[0]}" if close else "take it out"
             )

@@ -115,7 +115,7 @@ def _scenario_path(name_or_path: str) -> Path:
         return path
     names = scenario_names()
     if name_or_path not in names:
-        close = difflib.get_close_matches(name_or_path, names, 1)
+        close = difflib.get_close_matches(name_or_path, names)
         hint = f"did you mean {close[0]}" if close else f"choose one of {', '.join(names)}"
         raise ParameterError(f"there is no scenario {name_or_path!r}: {hint}")
     return config_folder() / "scenarios" / f"{name_or_path}.yaml"

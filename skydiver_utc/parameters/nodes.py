@@ -169,7 +169,7 @@ def _refuse_unknown(names: Mapping[str, object], model: type[NodeSettings]) -> N
     """Refuse names whose first part no scenario has; `load_scenario` checks the rest."""
     for name in names:
         if name.partition(".")[0] not in Scenario.model_fields:
-            close = difflib.get_close_matches(name, [*model.model_fields, *Scenario.model_fields], 1)
+            close = difflib.get_close_matches(name, [*model.model_fields, *Scenario.model_fields])
             hint = f"did you mean {close[0]}" if close else "take it out, or see --help for the names"
             raise ParameterError(f"unknown parameter {name}: {hint}")
 

@@ -110,7 +110,7 @@ def factory(slot: str, kind: str) -> Any:
     module, colon, name = kind.partition(":")
     if not colon:
         known = list(KINDS[slot])
-        close = difflib.get_close_matches(kind, known, 1)
+        close = difflib.get_close_matches(kind, known)
         hint = f"did you mean {close[0]}" if close else f"choose one of {', '.join(known) or 'none'}"
         raise ParameterError(
             f"there is no {slot} {kind!r}, {hint}, or name a class of your own as module:Class"

@@ -105,7 +105,7 @@ def _names(path: Path, header: Sequence[str], known: Sequence[str]) -> tuple[str
     names = tuple(name.removesuffix(_SUFFIX) for name in header[1:])
     for column, name in enumerate(names, 2):
         if name not in known:
-            close = difflib.get_close_matches(name, known, 1)
+            close = difflib.get_close_matches(name, known)
             hint = f"did you mean {close[0]}" if close else f"write one like {known[0]}"
             raise RecordingError(f"{path} line 1, column {column}: there is no joint angle {name!r}, {hint}")
     refuse_twice(path, 1, [_TIME, *names])

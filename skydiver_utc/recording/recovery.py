@@ -7,6 +7,7 @@ checksum: a damaged one is left out.
 
 from collections import Counter
 from dataclasses import dataclass, field
+from os.path import lexists
 from pathlib import Path
 from typing import NamedTuple
 
@@ -80,7 +81,7 @@ def recover(path: Path, folder: Path, beside: dict[str, str] | None = None) -> S
     found = survey(path)
     if found.message_count == 0:
         raise RecordingError(f"{path} holds no message that can be read: record the run again.")
-    if folder.exists() or folder.is_symlink():
+    if lexists(folder):
         raise RecordingError(f"{folder} exists already: choose another name, or move the old one away.")
     with new_folder(folder) as draft:
         name = f"{folder.name}_0.mcap"

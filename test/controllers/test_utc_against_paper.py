@@ -207,9 +207,9 @@ def test_the_sign_by_the_damping(label, signs):
 
 
 def test_the_initial_covariance_is_the_printed_one():
-    np.testing.assert_array_equal(
-        schedule(2).initial_covariance(np.ones(4)), paper.initial_covariance(1, -1, -1)
-    )
+    for reference, signs in (([1, 1, 1, 1], (1, -1, -1)), ([0, 0, -1, 1], (0, 0, 1)), ([0, 0, 0, 0], (0, 0, -1))):
+        found = schedule(2).initial_covariance(np.array(reference, dtype=float))
+        np.testing.assert_array_equal(found, paper.initial_covariance(*signs))
 
 
 @pytest.mark.parametrize(("change", "share"), [(0.25, 0.25), (-0.5, 0.5), (3.0, 1.0), (0.0, 0.02)])

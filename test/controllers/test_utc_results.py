@@ -36,6 +36,7 @@ def first(x):
 NO_EFFECT = {
     "dead time": {"plant": delayed, "output": first, "state": np.zeros(11)},
     "constant output": {"output": lambda x: 3.0},
+    "constant output without bounds": {"output": lambda x: 3.0, "Pu": 1.0} | FREE,
     "unseen input": {"plant": lambda x, u, dt: np.array([x[0], x[1] + dt * u[0]]), "output": first},
     "one of two": {"plant": straight, "output": lambda x: x * [1.0, 0.0], "control": [0.0, 0.0]},
     "square at its least": {"plant": lambda x, u, dt: u**2, "output": None, "state": [0.0], "horizon": 1},

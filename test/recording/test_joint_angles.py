@@ -85,7 +85,7 @@ HEAD = "time_s,left_knee_flexion,neck_rotation\n"
         (HEAD + "0,1,20\n\n0,2,3\n", ["line 4, column time_s"]),
         (HEAD + "0,1,20\n1,2,3\n0.5,2,3\n", ["line 4, column time_s"]),
         (b"time_s,neck_rotation\n0,\xff\n1,2\n", ["UTF-8"]),
-        (HEAD + "0,1,2\n1,3.1,-3.1\n", ["radians", "left_knee_flexion_deg"]),
+        (HEAD + "0,1,2\n1,3.141592653589793,-3.1\n", ["radians", "left_knee_flexion_deg"]),
         (HEAD + "0,1_0,20\n1,2,3\n", ["line 2, column left_knee_flexion", "'1_0'"]),
         (HEAD + '0,1,"2\n1,2,3\n', ["no CSV file"]),
     ],

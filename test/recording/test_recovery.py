@@ -244,6 +244,15 @@ def test_a_damaged_index_is_replaced_by_the_chunks(whole: Path, tmp_path: Path, 
     assert read_bag(tmp_path / "recovered")["/two"].type_hash == STRING[2]
 
 
+def test_a_bag_of_two_files_becomes_one(whole: Path, tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir()
+    for number in range(2):
+        cut(whole, whole.stat().st_size, tmp_path / "run" / f"run_{number}.mcap")
+    recover(tmp_path / "run", tmp_path / "recovered")
+    for name, topic in read_bag(tmp_path / "recovered").items():
+        assert topic.cdr == 2 * [row.cdr for row in rows() if row.topic == name]
+
+
 def own_bag(folder: Path) -> Path:
     return write_bag(folder, rows(), "[{depth: 10}]")
 

@@ -256,6 +256,15 @@ def test_a_full_disk_at_the_end_is_raised_by_close(tmp_path: Path, monkeypatch: 
     bag.close()
 
 
+def test_writing_is_no_real_time_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its thread leaves the priority of a real-time process."""
+    asked: list[object] = []
+    monkeypatch.setattr(os, "sched_getscheduler", [os.SCHED_FIFO].__getitem__)
+    monkeypatch.setattr(os, "sched_setscheduler", lambda *given: asked.append(given))
+    BagWriter(tmp_path / "bag").close()
+    assert asked == [(0, os.SCHED_OTHER, os.sched_param(0))]
+
+
 def test_messages_wait_for_a_slow_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     disk = Disk(monkeypatch)
     with BagWriter(tmp_path / "bag", 0.01) as bag:
@@ -274,9 +283,10 @@ def test_messages_beyond_the_limit_of_the_queue_are_dropped(
     disk = Disk(monkeypatch)
     with BagWriter(tmp_path / "bag", 0.01, queue_limit_bytes=1000) as bag:
         channel = bag.add_topic("/text", *STRING, "")
+        assert not bag.write(channel, bytes(1001), 0, 0)
         disk.blocked = True
         written = [bag.write(channel, bytes(100), k, k) for k in range(20)]
         disk.blocked = False
     assert 10 <= sum(written) < 20
-    assert bag.dropped == 20 - sum(written)
+    assert bag.dropped == 21 - sum(written)
     assert len(read_bag(tmp_path / "bag")["/text"]) == sum(written)

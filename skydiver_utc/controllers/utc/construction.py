@@ -118,7 +118,7 @@ def law_of(
         tangent=settings.aim == "tangent",
         angles=of.angles,
         of_control=settings.innovation == "control",
-        outputs=np.zeros((points, L)) if len(of.nominal) else at.outputs,
+        outputs=np.zeros((points, L)),
         saved=at.points if drawn else at.first,
         offset=np.zeros(L),
         reference=of.reference,

@@ -152,7 +152,7 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
     weights, control, reference = law.weights, law.control, law.reference
     m, L = saved.shape[1], outputs.shape[1]
     repaired = out[2 * law.tracked + m]
-    for i in range(outputs.shape[0] if nominal.shape[0] > 0 else 0):
+    for i in range(outputs.shape[0]):
         for k in range(law.of_roll_out.shape[1]):
             outputs[i, k] = law.of_roll_out[i, k]
         for k in range(nominal.shape[0]):

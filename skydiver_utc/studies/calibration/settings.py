@@ -61,7 +61,7 @@ class Flight(Parameters):
     @model_validator(mode="after")
     def _check(self) -> Self:
         for measure in set(self.targets) - set(FLIGHT_MEASURES):
-            close = difflib.get_close_matches(measure, FLIGHT_MEASURES, 1)
+            close = difflib.get_close_matches(measure, FLIGHT_MEASURES)
             hint = f"did you mean {close[0]}" if close else f"choose one of {', '.join(FLIGHT_MEASURES)}"
             raise ValueError(f"a flight has no measure {measure}: {hint}")
         return self
