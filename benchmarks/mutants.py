@@ -47,8 +47,8 @@ TESTS = {
     ),
     "recording": "recording analysis/test_recorded_run.py cli/test_field.py",
     "parameters": (
-        "parameters messages theory/test_stability.py body cli/test_run_plans.py cli/test_cli.py"
-        " recording/test_writer.py"
+        "parameters messages theory/test_stability.py body cli/test_run_plans.py cli/test_written_files.py"
+        " cli/test_cli.py recording/test_writer.py"
     ),
     "references": "references",
 }

@@ -119,7 +119,7 @@ def factory(slot: str, kind: str) -> Any:
     try:
         return _load(kind)
     except ModuleNotFoundError as error:
-        raise _missing(error.name or module) from error
+        raise _missing(str(error.name)) from error
     except AttributeError as error:
         raise OwnClassError(
             f"the module {module} in {getattr(sys.modules.get(module), '__file__', None)} has no {name}: write the name"

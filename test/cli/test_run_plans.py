@@ -86,7 +86,7 @@ def test_two_runs_of_one_name_and_a_folder_that_exists_are_refused(tmp_path: Pat
 
 def test_run_folders_of_one_second_have_different_names(tmp_path: Path) -> None:
     """Three, of which two at least are of one second."""
-    made = [new_run_folder(tmp_path / "bags", "a b") for _ in range(3)]
+    made = [new_run_folder(tmp_path / "some" / "bags", "a b") for _ in range(3)]
     assert len(set(made)) == 3
     assert all(folder.is_dir() for folder in made)
     assert made[0].name.endswith("Z_a_b")

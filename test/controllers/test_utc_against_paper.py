@@ -207,7 +207,11 @@ def test_the_sign_by_the_damping(label, signs):
 
 
 def test_the_initial_covariance_is_the_printed_one():
-    for reference, signs in (([1, 1, 1, 1], (1, -1, -1)), ([0, 0, -1, 1], (0, 0, 1)), ([0, 0, 0, 0], (0, 0, -1))):
+    for reference, signs in (
+        ([1, 1, 1, 1], (1, -1, -1)),
+        ([0, 0, -1, 1], (0, 0, 1)),
+        ([0, 0, 0, 0], (0, 0, -1)),
+    ):
         found = schedule(2).initial_covariance(np.array(reference, dtype=float))
         np.testing.assert_array_equal(found, paper.initial_covariance(*signs))
 

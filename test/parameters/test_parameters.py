@@ -21,7 +21,7 @@ from skydiver_utc.parameters import (
 )
 from skydiver_utc.parameters.loading import config_folder
 from skydiver_utc.parameters.nanoseconds import stamp_ns
-from skydiver_utc.parameters.nodes import SETTINGS, usage
+from skydiver_utc.parameters.nodes import SETTINGS, resolve, usage
 
 FAST = "fast_turn_unknown_dynamics"
 SCENARIOS = {name: load_scenario(name) for name in scenario_names()}
@@ -125,7 +125,7 @@ def test_limits_are_bounds_in_the_order_of_the_controls():
         ({"plant.skydiver": 3}, ["plant.skydiver"]),
         ({"plant.hands.force": "upwards"}, ["plant.hands.force", "ventral, dorsal"]),
         ({"plant.subject.mass_kg": 5}, ["subject.mass_kg"]),
-        ({"name.first": 1}, ["name"]),
+        ({"name.first": 1}, ["there is no parameter name.first"]),
         ({"controller": {"kind": "lqr", "K_p": 1.0}}, ["controller.K_p"]),
     ],
     ids=lambda value: str(value) if isinstance(value, dict) else "",
@@ -151,7 +151,7 @@ def test_an_unknown_scenario_is_named_with_a_near_one():
     ("text", "words"),
     [
         ("extends: nothing_there\n", ["nothing_there"]),
-        ("name: a\nname: b\n", ["'name'"]),
+        ("name: a\nname: b\n", ["'name'", "line 1"]),
         ("- 1\n", ["mapping"]),
         ("a: [1\n", ["YAML"]),
         ("dt_s: .nan\n", ["dt_s"]),
@@ -244,6 +244,7 @@ def test_every_number_has_a_description_and_a_unit_and_prose_is_no_leaf(name):
             assert leaf.minimum is None or leaf.minimum <= leaf.value, leaf.name
             assert leaf.maximum is None or leaf.value <= leaf.maximum, leaf.name
         assert leaf.kind != "str" or leaf.value in leaf.choices
+        assert leaf.kind != "floats" or (leaf.value and all(isinstance(v, int | float) for v in leaf.value))
     names, prose = {leaf.name for leaf in found}, {"name", "title", "description", "source", "kind"}
     assert {"dt_s", "plant.hands.K_N", "plant.subject.mass_kg"} <= names
     assert not {name for name in names if name.rpartition(".")[2] in prose}
@@ -259,6 +260,27 @@ def test_utc_has_the_paper_s_numbers():
         paper_utc.Q14,
     )
     assert (found.P_err, found.horizon_steps, found.W0) == (settings.P_err, settings.N, 0.25)
+
+
+def test_a_node_takes_its_own_parameters_and_those_of_the_scenario():
+    given = {"use_sim_time": True, "markers": False, "dt_s": 0.01}
+    found = resolve("plant", given)
+    assert (found.settings.markers, found.scenario.dt_s, found.changes) == (False, 0.01, {"dt_s": 0.01})
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"command_timeout_s": "soon"}, ["command_timeout_s", "number", "'soon'"]),
+        ({"comand_timeout_s": 1.0}, ["comand_timeout_s", "did you mean command_timeout_s"]),
+        ({"qqqq.x": 1}, ["unknown parameter qqqq.x", "--help"]),
+    ],
+)
+def test_a_wrong_parameter_of_a_node_is_named(given, words):
+    with pytest.raises(ParameterError) as caught:
+        resolve("plant", given)
+    for word in words:
+        assert word in str(caught.value)
 
 
 @pytest.mark.parametrize("kind", SETTINGS)

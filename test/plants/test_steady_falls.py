@@ -141,6 +141,10 @@ def test_turning_grows_with_alpha_and_falls_with_damping():
     model, (fall, _) = held("neutral")
     alphas = np.array([0.5, 1.0, 1.5])
     rates = np.array([steady_yaw_rates(model, fall, alphas, damping) for damping in (0.5, 2.0, 6.0)])
+    assert rates.shape == (3, 3)
     assert (np.diff(rates, axis=1) > 0).all()
     assert (np.diff(rates, axis=0) < 0).all()
-    assert yaw_acceleration(model, fall) > 8.8
+    derivative = oracle_derivative(scenario_of("neutral"), np.array([0.0, 0.0, 0.0, 1.5]))
+    found = derivative(state_of(fall.up, fall.velocity, fall.rates))[12]
+    assert yaw_acceleration(model, fall) == pytest.approx(found, rel=1e-6)
+    assert found > 8.8
