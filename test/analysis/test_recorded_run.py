@@ -3,7 +3,8 @@
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -234,28 +235,6 @@ def test_telemetry_is_optional(bag: Write) -> None:
     assert np.array_equal(np.delete(holed.telemetry, 5, 0), np.delete(run.telemetry, 5, 0))
 
 
-@pytest.mark.parametrize("nanoseconds", [1, 10**9, -(10**9), 3 * 10**17])
-def test_a_stamp_off_the_grid_or_outside_of_the_run_is_left_out(bag: Write, nanoseconds: int) -> None:
-    run = a_run()
-    others = [command(run, 3, np.zeros(1)), state(run, 3, run.states[0])]
-    for *_, message in others:
-        ns = run.scenario.stamp_ns(0 if nanoseconds < 0 else 80) + nanoseconds
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(ns, 10**9)
-    recording = RecordedRun(bag(run, lambda messages: [*others, *messages]))
-    back = recording.run()
-    assert np.array_equal(back.states, run.states)
-    assert np.array_equal(back.commands, run.commands)
-    assert recording.ignored == {"state": 1, "command": 1}
-
-
-@pytest.mark.parametrize("values", [np.zeros(3), [], [math.nan]])
-def test_a_message_without_the_controls_is_left_out(bag: Write, values: object) -> None:
-    run = a_run()
-    recording = RecordedRun(bag(run, lambda messages: [command(run, 0, values), *messages]))
-    assert np.array_equal(recording.run().commands, run.commands)
-    assert recording.ignored == {"command": 1}
-
-
 def test_in_real_time_a_step_without_a_command_has_the_one_before(bag: Write) -> None:
     run = a_run()
     in_real_time = outcome(run, real_time={})
@@ -263,37 +242,79 @@ def test_in_real_time_a_step_without_a_command_has_the_one_before(bag: Write) ->
     assert np.array_equal(back.commands[17], run.commands[16])
 
 
-TEXTS = ["hello", "", "[]", "{}", "\x00", "[" * 20_000, "a: &a [*a]", '{"node": 1, "step": 1e999}']
-
-
-@pytest.mark.parametrize("topic", ["outcome", "scenario", "changes"])
-@pytest.mark.parametrize("content", TEXTS, ids=lambda content: content[:12])
-def test_a_text_that_cannot_be_used_is_left_out(bag: Write, topic: str, content: str) -> None:
-    run = a_run()
-    other: Message = (topic, STRING, 80, text(content))
-    recording = RecordedRun(bag(run, lambda messages: [messages[0], other, *messages[1:], other]))
-    back = recording.run()
-    assert (back.outcome, back.reason, back.changes) == (run.outcome, run.reason, ())
-    assert back.scenario == run.scenario
-    assert recording.ignored == {topic: 2}
-
-
-@pytest.mark.parametrize(
-    ("control", "parameters"),
-    [
-        (None, {"controller__nothing": 1}),
-        (None, {"delay_steps": 1.5}),
-        (None, {"delay_steps": -1}),
-        ([1.0] * 4, {}),
-    ],
+ALIASES = "a: &a [1]\n" + "".join(
+    f"{b}: &{b} [{', '.join(9 * [f'*{a}'])}]\n" for a, b in zip("abcdefghij", "bcdefghijk", strict=True)
 )
-def test_a_change_that_cannot_be_one_is_left_out(
-    bag: Write, control: object, parameters: dict[str, float]
-) -> None:
+TEXTS = ["hello", "", "[]", "{}", "\x00", "[" * 20_000, "a: &a [*a]", '{"node": 1, "step": 1e999}']
+BEFORE_A_SCENARIO = [
+    "extends: " + 300 * "a",
+    ALIASES,
+    "x: &x {}\ny: *x",
+    "# " + 5_000_000 * "a",
+    "a: " + 900 * "[" + 900 * "]",
+]
+NO_CHANGES = [
+    change(3, "controller", None, controller__nothing=1),
+    change(3, "controller", None, delay_steps=1.5),
+    change(3, "controller", None, delay_steps=-1),
+    change(3, "controller", [1.0] * 4),
+]
+NO_MESSAGES = [b"", b"\x00", b"\x00\x01\x00\x00", b"\x00\x01\x00\x00" + b"\xff" * 60, bytes(range(44, 255))]
+KINDS = {"reference": TRAJECTORY, "scenario": STRING, "outcome": STRING}
+
+
+def at(since_epoch_ns: int) -> list[Message]:
+    """A command and a state with a stamp of their own."""
     run = a_run()
-    recording = RecordedRun(bag(run, added(change(3, "controller", control, **parameters))))
-    assert recording.run().changes == ()
-    assert recording.ignored == {"changes": 1}
+    found = [command(run, 3, np.zeros(1)), state(run, 3, run.states[0])]
+    for *_, message in found:
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(
+            run.scenario.stamp_ns(0) + since_epoch_ns, 10**9
+        )
+    return found
+
+
+def left_out() -> Iterator[tuple[str, list[Message]]]:
+    """Messages that are none of the run's, by what is wrong with them."""
+    run = a_run()
+    for since_ns in (1, -(10**9), 5 * 10**9, 3 * 10**17):
+        yield f"stamp {since_ns}", at(since_ns)
+    for values in (np.zeros(3), [], [math.nan]):
+        yield f"controls {values}", [command(run, 0, values)]
+    yield "states", [("state", JOINTS, 0, named(run.scenario, 0, ["a", "b"], [0.0, 0.0]))]
+    yield "run", [outcome(a_run(outcome=Outcome.DIVERGED), "other")]
+    yield "changes", NO_CHANGES
+    for topic in ("outcome", "scenario", "changes"):
+        yield f"texts of {topic}", [(topic, STRING, 80, text(content)) for content in TEXTS]
+    for before in BEFORE_A_SCENARIO:
+        yield (
+            f"scenario {before[:12]}",
+            [("scenario", STRING, 80, text(f"{before}\n{to_yaml(run.scenario)}"))],
+        )
+    for topic in ("scenario", "state", "reference", "command", "outcome", "controller/telemetry"):
+        yield f"bytes of {topic}", [(topic, KINDS.get(topic, JOINTS), 3, each) for each in NO_MESSAGES]
+
+
+@pytest.mark.parametrize("others", [pytest.param(messages, id=name) for name, messages in left_out()])
+def test_what_is_no_message_of_the_run_is_left_out_and_counted(bag: Write, others: list[Message]) -> None:
+    run = a_run()
+    chunk = "reference", TRAJECTORY, 0, preview(run.scenario, 0, run.tracked_names, run.reference)
+
+    def among(messages: list[Message]) -> list[Message]:
+        return [messages[0], *others, *messages[1:], chunk, *others]
+
+    folder = bag(run, without("reference/setpoint", 17), among, run_id="mine")
+    began = time.monotonic()
+    recording = RecordedRun(folder)
+    back = recording.run()
+    assert time.monotonic() - began < 5.0
+    for name in ARRAYS:
+        assert np.array_equal(getattr(back, name), getattr(run, name)), name
+    assert (back.scenario, back.outcome, back.reason, back.changes) == (
+        run.scenario, run.outcome, run.reason, (),
+    )  # fmt: skip
+    assert recording.run_id == "mine"
+    assert recording.ignored == Counter(2 * [message[0] for message in others])
 
 
 def test_the_later_of_two_changes_of_one_step_counts(bag: Write) -> None:
@@ -301,13 +322,6 @@ def test_the_later_of_two_changes_of_one_step_counts(bag: Write) -> None:
     changes = (change(3, "controller", [0.0], seed=seed) for seed in (1, 2))
     (found,) = read_run(bag(run, added(*changes))).changes
     assert (found.node, found.step, found.of_scenario) == ("controller", 3, {"seed": 2})
-
-
-def test_the_outcome_of_another_run_does_not_count(bag: Write) -> None:
-    run = a_run()
-    own = RecordedRun(bag(run, added(outcome(a_run(outcome=Outcome.DIVERGED), "other")), run_id="mine"))
-    assert (own.run_id, own.run().outcome) == ("mine", Outcome.COMPLETED)
-    assert own.ignored == {"outcome": 1}
 
 
 def test_a_bag_of_something_else_is_refused(bag: Write, tmp_path: Path) -> None:
@@ -330,57 +344,6 @@ def test_an_own_class_that_cannot_be_imported_is_named_with_its_module(
     with pytest.raises(AnalysisError, match=words) as error:
         read_run(bag(a_run(), without("scenario"), added(recorded)))
     assert "versions.json" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    "topic", ["scenario", "state", "reference", "command", "outcome", "controller/telemetry"]
-)
-def test_bytes_that_are_no_message_are_left_out(bag: Write, topic: str) -> None:
-    run = a_run()
-    random = np.random.default_rng(3)
-    garbage = [b"", b"\x00", b"\x00\x01\x00\x00", b"\x00\x01\x00\x00" + b"\xff" * 60, random.bytes(300)]
-    kind = {"reference": TRAJECTORY, "scenario": STRING, "outcome": STRING}.get(topic, JOINTS)
-    chunk = "reference", TRAJECTORY, 0, preview(run.scenario, 0, run.tracked_names, run.reference)
-    more = [(topic, kind, 3, each) for each in garbage]
-    recording = RecordedRun(bag(run, without("reference/setpoint", 17), added(chunk, *more)))
-    back = recording.run()
-    assert np.array_equal(back.states, run.states)
-    assert np.array_equal(back.reference, run.reference)
-    assert recording.ignored == {topic: len(garbage)}
-
-
-def test_the_state_message_is_that_of_the_plant(bag: Write) -> None:
-    """A JointState with other names is not the state."""
-    run = a_run()
-    other: Message = ("state", JOINTS, 0, named(run.scenario, 0, ["a", "b"], [0.0, 0.0]))
-    recording = RecordedRun(bag(run, lambda messages: [other, *messages]))
-    assert np.array_equal(recording.run().states, run.states)
-    assert recording.ignored == {"state": 1}
-
-
-ALIASES = "a: &a [1]\n" + "".join(
-    f"{b}: &{b} [{', '.join(9 * [f'*{a}'])}]\n" for a, b in zip("abcdefghij", "bcdefghijk", strict=True)
-)
-
-
-@pytest.mark.parametrize(
-    "before",
-    [
-        "extends: " + 300 * "a",
-        ALIASES,
-        "x: &x {}\ny: *x",
-        "# " + 5_000_000 * "a",
-        "a: " + 900 * "[" + 900 * "]",
-    ],
-    ids=["extends", "chain of aliases", "alias", "long", "deep"],
-)
-def test_a_recorded_scenario_is_resolved_and_small(bag: Write, before: str) -> None:
-    run = a_run()
-    other: Message = ("scenario", STRING, 0, text(f"{before}\n{to_yaml(run.scenario)}"))
-    began = time.monotonic()
-    recording = RecordedRun(bag(run, added(other)))
-    assert recording.ignored == {"scenario": 1}
-    assert time.monotonic() - began < 5.0
 
 
 def test_no_file_is_read_that_a_recording_names(bag: Write, tmp_path: Path) -> None:

@@ -6,18 +6,23 @@ from pathlib import Path
 
 import pytest
 from command_line import call
+from recorded import Bag, assert_complete, assert_equals_simulation
 
 pytestmark = pytest.mark.processes
 
 PLANTS = Path(__file__).parents[3] / "examples" / "own_plant"
 
 
-def test_a_plant_of_ones_own_is_run_and_checked(tmp_path: Path) -> None:
-    name, bag = "quadrotor", tmp_path / "bag"
+def test_a_plant_of_ones_own_is_run_as_simulated_and_checked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, bag = "quadrotor", tmp_path / "bags" / "run"
     given = ("--set", "duration_s=0.5", "--out", bag, "--quiet", "--json")
     code, stdout, stderr = call("run", PLANTS / f"{name}.yaml", *given, folder=tmp_path)
     assert code == 0, stderr
     assert json.loads(stdout)["outcome"] == "completed"
+    assert json.loads((bag / "metrics.json").read_text(encoding="utf-8")) == json.loads(stdout)
+    assert (bag / "tracking.png").is_file()
     assert "Odometry" in (bag / "metadata.yaml").read_text(encoding="utf-8")
 
     # A recording may come from anybody: no code is imported from its folder.
@@ -30,3 +35,6 @@ def test_a_plant_of_ones_own_is_run_and_checked(tmp_path: Path) -> None:
     code, stdout, stderr = call("replay", "--check", "--json", bag, folder=PLANTS)
     assert code == 0, stderr
     assert json.loads(stdout)["equal"]
+    monkeypatch.syspath_prepend(str(PLANTS))
+    assert_complete(Bag(bag))
+    assert_equals_simulation(Bag(bag))
