@@ -86,13 +86,10 @@ class Turn:
     def settings(self, **changes):
         inside = self.law.dynamics
         of_dynamics = {} if inside is None else {
-            "dynamics": "incremental", "saved": "after_first_step", "tau": round(inside.tau_s / DT),
-            "Kp": inside.K_p, "KFF": inside.K_FF,
+            "known_dynamics": True, "tau": round(inside.tau_s / DT), "Kp": inside.K_p, "KFF": inside.K_FF,
         }  # fmt: skip
         floor = self.law.covariance_floor
-        return paper.Settings(
-            dt=DT, N=self.law.horizon_steps, floor=floor, recursion="applied", **of_dynamics, **changes
-        )
+        return paper.Settings(dt=DT, N=self.law.horizon_steps, floor=floor, **of_dynamics, **changes)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,8 @@ This module must never import the code under test.
 Notation: U = [Cm_damp_yaw, k_right, k_left, alpha], m = 4 controls; alpha is always the last element.
 Y are the l outputs at the horizon, r = yr_ref on the grid of steps, N = t_pred / dt prediction steps.
 U_k/k is the control that acts up to step k; the step computes U_k+1/k+1, which acts on [t_k, t_k+1).
-Where the paper can be read in more than one way, the variant is an argument; see `Settings`.
+Where the paper can be read in more than one way, this is the reading that the package flies; the others are in
+studies/paper_variants.py.
 """
 
 from __future__ import annotations
@@ -115,14 +116,7 @@ def coupling_signs(
 
 
 def s14_sequence(
-    reference: ArrayLike,
-    k_hyst: int,
-    steps: int,
-    variant: str = "printed",
-    times_reference_sign: bool = False,
-    initial: float = -1.0,
-    initial_reference_sign: float = 1.0,
-    first_step_is_initial: bool = False,
+    reference: ArrayLike, k_hyst: int, steps: int, times_reference_sign: bool = False, initial: float = -1.0
 ) -> Array:
     """s14(k) for k = 0 .. steps-1; the reference (signed, or its magnitude) starts at step 0.
 
@@ -132,27 +126,18 @@ def s14_sequence(
         s14(k)        = -sign(Delta(k))        if s14(k-1) > 0
                         -sign(Delta_hyst(k))   if s14(k-1) <= 0
 
-    variant 'printed':        the recursion above.
-    variant 'no_hysteresis':  s14(k) = -sign(Delta(k)) at every k.
-    variant 'look_ahead':     s14(k) = -sign(Delta_hyst(k)) at every k.
-    times_reference_sign:     the result is s14(k) sign(yr_ref(k)); the recursion runs on the raw s14.
+    times_reference_sign: the result is s14(k) sign(yr_ref(k)); the recursion runs on the raw s14.
 
     sign(0) keeps the previous value: s14(k) = s14(k-1) if the difference in use is zero (so it is the
     previous s14 that is kept, not the previous sign of that difference); the sign of yr_ref keeps its
-    own previous value, and is `initial_reference_sign` until yr_ref first differs from zero.
-    "The initial s14 = -1" is read as s14(-1) = -1, with the rule already in force at k = 0; with
-    `first_step_is_initial` it is s14(0) = -1, with the rule in force from k = 1.
+    own previous value, and is 1 until yr_ref first differs from zero.
+    "The initial s14 = -1" is read as s14(-1) = -1, with the rule already in force at k = 0.
     """
     r = np.asarray(reference, dtype=float)
-    raw, reference_sign, result = initial, initial_reference_sign, []
+    raw, reference_sign, result = initial, 1.0, []
     for k in range(steps):
-        delta = abs(r[k + 1]) - abs(r[k])
-        if variant == "look_ahead" or (variant == "printed" and raw <= 0.0):
-            delta = abs(r[k + k_hyst + 1]) - abs(r[k + k_hyst])
-        elif variant not in ("printed", "no_hysteresis"):
-            raise ValueError(f"unknown variant {variant!r}")
-        if not (k == 0 and first_step_is_initial):
-            raw = sign_or_keep(-delta, raw)
+        ahead = k_hyst if raw <= 0.0 else 0
+        raw = sign_or_keep(abs(r[k + ahead]) - abs(r[k + ahead + 1]), raw)
         reference_sign = sign_or_keep(r[k], reference_sign)
         result.append(raw * reference_sign if times_reference_sign else raw)
     return np.array(result)
@@ -196,40 +181,22 @@ def sigma_points(U: ArrayLike, P: ArrayLike, W0: float) -> Array:
     return np.vstack([U[None, :], U + offsets, U - offsets])
 
 
-def weights(m: int, W0: float, variant: str = "eq:sigp") -> Array:
-    """W^0 .. W^2m.
-
-    'eq:sigp':   W^0 = W0, W^i = (1 - W0) / (2m) for i = 1 .. 2m; they sum to 1.
-    'eq:zpred':  as printed there, W^i = (1 - W0) / (2m) for i = 0 as well; they sum to
-                 (1 - W0) (2m + 1) / (2m), .844 for m = 4 and W0 = .25.
-    """
-    W = np.full(2 * m + 1, (1.0 - W0) / (2.0 * m))
-    if variant == "eq:sigp":
-        W[0] = W0
-    elif variant != "eq:zpred":
-        raise ValueError(f"unknown variant {variant!r}")
-    return W
+def weights(m: int, W0: float) -> Array:
+    """eq:sigp, W^0 .. W^2m: W^0 = W0, W^i = (1 - W0) / (2m) for i = 1 .. 2m; they sum to 1."""
+    return np.array([W0] + [(1.0 - W0) / (2.0 * m)] * (2 * m))
 
 
-def bound(
-    points: ArrayLike, U: ArrayLike, umin: ArrayLike, umax: ArrayLike, order: str = "move_then_bound"
-) -> Array:
+def bound(points: ArrayLike, U: ArrayLike, umin: ArrayLike, umax: ArrayLike) -> Array:
     """eq:minmax_utc with eq:movep, for all points (rows) and elements j.
 
     eq:movep: if U_k/k(j) is at its min (max) and U^i(j) < min(j) (> max(j)), then
               U^i(j) = 1.5 U_k/k(j) - 0.5 U^i(j).
 
-    'move_then_bound':  the rule sees the point as drawn, then the point is bounded.
-    'bound_then_move':  as printed, "after the sigma points are selected they are bounded"; the rule
-                        comes after and never fires, since no bounded point is outside the bounds.
+    The rule sees the point as drawn, then the point is bounded.
     "Equals" is exact equality; U_k/k is itself a bounded value.
     """
     drawn, mean = np.asarray(points, dtype=float), np.asarray(U, dtype=float)
     low, high = np.asarray(umin, dtype=float), np.asarray(umax, dtype=float)
-    if order == "bound_then_move":
-        drawn = np.clip(drawn, low, high)
-    elif order != "move_then_bound":
-        raise ValueError(f"unknown order {order!r}")
     beyond = ((mean == low) & (drawn < low)) | ((mean == high) & (drawn > high))
     return np.clip(np.where(beyond, 1.5 * mean - 0.5 * drawn, drawn), low, high)
 
@@ -255,17 +222,12 @@ def alpha_increment(
     return Kp * (r - r_before) - Kp * (y - y_before) + KFF * (r_ahead - r_ahead_before)
 
 
-def alpha_positional(r: float, y: float, r_ahead: float, Kp: float, KFF: float) -> float:
-    """Block diagram: alpha = K_p (Y_ref(t) - Y^i_k+j) + K_FF Y_ref(t + tau), t = (k+j) dt."""
-    return Kp * (r - y) + KFF * r_ahead
-
-
-# --------------------------------------------------------------------------- settings and variants
+# --------------------------------------------------------------------------- settings
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Numbers of the paper, then the variants. Defaults: unknown dynamics of alpha, 20 steps."""
+    """Numbers of the paper, with unknown dynamics of alpha and 20 steps."""
 
     dt: float = 0.0042
     N: int = 20
@@ -278,14 +240,7 @@ class Settings:
     KFF: float = 0.1
     tau: int = 0  # in steps
     floor: float = 1e-9  # of the eigenvalues of Pu when the sigma points are drawn
-
-    order: str = "move_then_bound"  # see `bound`
-    dynamics: str = "held"  # 'held' | 'incremental' (eq:m1utc) | 'positional' (block diagram)
-    saved: str = "drawn"  # 'drawn' | 'after_first_step' | 'at_horizon'; see `propagate`
-    recursion: str = "commanded"  # 'commanded' | 'applied': which alpha(t-dt) eq:m1utc starts from
-    saved_alpha: str = "applied"  # 'applied' | 'commanded': which alpha is saved
-    reference_offset: int = 1  # 1 | 0: r is one step ahead of y in eq:m1utc, or at the same time as y
-    weights: str = "eq:sigp"  # 'eq:sigp' | 'eq:zpred' (all sums) | 'eq:zpred for Ypred'
+    known_dynamics: bool = False  # of alpha; see `propagate`
 
 
 class Propagated(NamedTuple):
@@ -304,7 +259,6 @@ def propagate(
     g: Callable[[Array], ArrayLike],
     yaw_rate: Callable[[Array], float],
     s: Settings,
-    y_before: float | None = None,
 ) -> Propagated:
     """One bounded sigma point drives the plant from X_k to the horizon: X_k, U^i_k+j -> X^i_k+j, j = 1 .. N.
 
@@ -313,59 +267,31 @@ def propagate(
     constant, alpha_j is commanded by the dynamics below, then bounded, then slew-rate limited against
     the alpha applied one step before (for j = 1: alpha_before).
 
-    'held':         alpha_j = the sigma point's own alpha.
-    'incremental':  eq:m1utc. With y_j = yr_real predicted at k + j, known up to y_j-1 when alpha_j is set:
-                        alpha_j = alpha_j-1 + Kp (r[k+j] - r[k+j-1]) - Kp (y_j-1 - y_j-2)
-                                            + KFF (r[k+j+tau] - r[k+j+tau-1])
-                    alpha_0 is the sigma point's own alpha; y_-1 := y_0 since only X_k is given.
-    'positional':   alpha_j = Kp (r[k+j] - y_j-1) + KFF r[k+j+tau]; the own alpha is not used.
-
-    The printed eq:m1utc takes yr_ref and yr_real at the same t, and the block diagram says t = (k+j) dt,
-    which would need y_j while alpha_j is being chosen that leads to it. Alternatives to the above:
-      * reference_offset = 0: all at t = (k+j-1) dt, the start of the interval on which alpha_j acts:
-        r[k+j-1] - r[k+j-2] with r[k-1] := r[k], and r[k+j-1+tau] - r[k+j-2+tau] (index -1 likewise
-        replaced by 0); for 'positional' r[k+j-1] and r[k+j-1+tau].
-      * y_before: the measured yaw rate at k - 1, then y_-1 is known.
-      * recursion: alpha_j-1 is the commanded value ('commanded': the constraints are a block after the
-        controller dynamics, which does not feed back; so it is for 'held' in any case), or the one left
-        by bounds and slew rate ('applied'). The same for j = 1, where alpha_0 is the point's own.
-    The control saved as U^i (eq:xpred):
-      * 'drawn':             the bounded sigma point itself.
-      * 'after_first_step':  U^i_k+1, the control of the first prediction step, which is the next to act.
-      * 'at_horizon':        U^i_k+N, as printed.
-      * in the last two alpha is the one applied (in the block diagram the line to the observation model
-        branches off behind the actuator constraints), or with saved_alpha = 'commanded' the commanded
-        one, bounded but not slew-rate limited.
+    Where the dynamics of alpha are not known, alpha_j = the sigma point's own alpha, and U^i is the point itself.
+    Where they are known, by eq:m1utc, with y_j = yr_real predicted at k + j, known up to y_j-1 when alpha_j is set:
+        alpha_j = alpha_j-1 + Kp (r[k+j] - r[k+j-1]) - Kp (y_j-1 - y_j-2) + KFF (r[k+j+tau] - r[k+j+tau-1])
+    alpha_0 is the sigma point's own alpha, alpha_j-1 the one left by bounds and slew rate, and y_-1 := y_0 since only
+    X_k is given. U^i (eq:xpred) is then the control of the first prediction step, which is the next to act.
     """
     umin, umax = float(s.umin[ALPHA]), float(s.umax[ALPHA])
     y = yaw_rate(x)
-    y_last = y if y_before is None else y_before
-    command = own = base = float(point[ALPHA])
+    y_last = y
+    own = base = float(point[ALPHA])
     applied_alpha, applied, commanded = alpha_before, [], []
     for j in range(1, s.N + 1):
-        i = j - 1 + s.reference_offset
-        r, r_last = reference[i], reference[max(i - 1, 0)]
-        ahead, ahead_last = reference[i + s.tau], reference[max(i + s.tau - 1, 0)]
-        if s.dynamics == "held":
-            command = own
-        elif s.dynamics == "incremental":
-            command = base + alpha_increment(r, r_last, y, y_last, ahead, ahead_last, s.Kp, s.KFF)
-        elif s.dynamics == "positional":
-            command = alpha_positional(r, y, ahead, s.Kp, s.KFF)
-        else:
-            raise ValueError(f"unknown dynamics {s.dynamics!r}")
-        applied_alpha = slew(float(np.clip(command, umin, umax)), applied_alpha, s.rate, s.dt)
-        base = {"commanded": command, "applied": applied_alpha}[s.recursion]
+        command = own
+        if s.known_dynamics:
+            ahead, ahead_last = reference[j + s.tau], reference[j + s.tau - 1]
+            command = base + alpha_increment(
+                reference[j], reference[j - 1], y, y_last, ahead, ahead_last, s.Kp, s.KFF
+            )
+        base = applied_alpha = slew(float(np.clip(command, umin, umax)), applied_alpha, s.rate, s.dt)
         u = np.append(point[:ALPHA], applied_alpha)
         x = plant(x, u, s.dt)
         y_last, y = y, yaw_rate(x)
         applied.append(u)
         commanded.append(command)
-    saved = np.array(point, dtype=float)
-    if s.saved != "drawn":
-        j = {"after_first_step": 0, "at_horizon": -1}[s.saved]
-        bounded = float(np.clip(commanded[j], umin, umax))
-        saved[ALPHA] = {"applied": applied[j][ALPHA], "commanded": bounded}[s.saved_alpha]
+    saved = applied[0] if s.known_dynamics else np.array(point, dtype=float)
     Y = np.atleast_1d(np.asarray(g(x), dtype=float))
     return Propagated(Y, saved, np.array(applied), np.array(commanded))
 
@@ -401,7 +327,6 @@ def update(
     W: Array,
     y_ref: ArrayLike,
     P_err: float | Array,
-    W_ypred: Array | None = None,
 ) -> Updated:
     """eq:zpred and eq:utc_controller, for any number l of outputs (Y has shape (2m+1, l)).
 
@@ -411,10 +336,8 @@ def update(
     K       = C_uy C_y^-1
     U_k+1/k+1  = U_k+1/k + K (Y_ref(k dt + t_pred) - Ypred_k)
     Pu_k+1/k+1 = Pu_k+1/k - K C_y K^T
-
-    W_ypred: other weights for the first sum only.
     """
-    Ypred = (W if W_ypred is None else W_ypred) @ Y
+    Ypred = W @ Y
     dY, dU = Y - Ypred, points - U_pred
     l_outputs = Ypred.size
     C_y = np.reshape(np.asarray(P_err, dtype=float), (l_outputs, l_outputs)) + (W[:, None] * dY).T @ dY
@@ -454,7 +377,6 @@ def utc_step(
     yaw_rate: Callable[[Array], float],
     s: Settings,
     y_ref: ArrayLike | None = None,
-    y_before: float | None = None,
 ) -> Step:
     """U_k/k, Pu_k/k, X_k -> U_k+1/k+1, Pu_k+1/k+1.
 
@@ -464,13 +386,12 @@ def utc_step(
     """
     U, reference = np.asarray(U, dtype=float), np.asarray(reference, dtype=float)
     drawn = sigma_points(U, repair(Pu, s.floor), s.W0)
-    points = bound(drawn, U, s.umin, s.umax, s.order)
-    runs = [propagate(p, float(U[ALPHA]), x, reference, plant, g, yaw_rate, s, y_before) for p in points]
+    points = bound(drawn, U, s.umin, s.umax)
+    runs = [propagate(p, float(U[ALPHA]), x, reference, plant, g, yaw_rate, s) for p in points]
     saved, Y = np.array([run.U for run in runs]), np.array([run.Y for run in runs])
-    W = weights(U.size, s.W0, "eq:zpred" if s.weights == "eq:zpred" else "eq:sigp")
-    W_ypred = W if s.weights in ("eq:sigp", "eq:zpred") else weights(U.size, s.W0, "eq:zpred")
+    W = weights(U.size, s.W0)
     U_pred, Pu_pred = predict(saved, W, Qu)
-    up = update(U_pred, Pu_pred, saved, Y, W, reference[s.N] if y_ref is None else y_ref, s.P_err, W_ypred)
+    up = update(U_pred, Pu_pred, saved, Y, W, reference[s.N] if y_ref is None else y_ref, s.P_err)
     return Step(constrain(up.U, U, s), up.Pu, drawn, points, saved, Y, U_pred, Pu_pred, up)
 
 

@@ -76,16 +76,12 @@ def test_coupling_signs() -> None:
 def test_s14_on_a_hand_worked_reference() -> None:
     #            k: 0    1    2    3    4    5    6
     reference = [0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0]
-    # |differences| k -> k+1: + + + - - -, so -sign: - - - + + +
-    assert pu.s14_sequence(reference, 2, 6, "no_hysteresis").tolist() == [-1, -1, -1, 1, 1, 1]
-    assert pu.s14_sequence(reference, 2, 4, "look_ahead").tolist() == [-1, 1, 1, 1]
+    # |differences| k -> k+1: + + + - - -.
     # k=0: s=-1, so look ahead to 2->3: -.  k=1: look ahead to 3->4: +.
     # k=2: s>0, so Delta(2): -.             k=3: look ahead to 5->6: +.
-    assert pu.s14_sequence(reference, 2, 4, "printed").tolist() == [-1, 1, -1, 1]
+    assert pu.s14_sequence(reference, 2, 4).tolist() == [-1, 1, -1, 1]
     # s14(k-1) = 0 belongs to the look-ahead branch.
-    assert pu.s14_sequence(reference, 3, 1, "printed", initial=0.0).tolist() == [1]
-    with pytest.raises(ValueError, match="unknown variant"):
-        pu.s14_sequence(reference, 2, 4, "other")
+    assert pu.s14_sequence(reference, 3, 1, initial=0.0).tolist() == [1]
 
 
 def test_s14_depends_on_the_magnitude_only_and_the_reference_sign_comes_after() -> None:
@@ -95,26 +91,11 @@ def test_s14_depends_on_the_magnitude_only_and_the_reference_sign_comes_after() 
     np.testing.assert_array_equal(raw, pu.s14_sequence(np.abs(r), 1, 9))
     signed = pu.s14_sequence(r, 1, 9, times_reference_sign=True)
     np.testing.assert_array_equal(signed, raw * [1, 1, 1, 1, 1, -1, -1, -1, -1])  # zero at 4 keeps +
-    mirrored = pu.s14_sequence(-r, 1, 9, times_reference_sign=True, initial_reference_sign=-1.0)
-    np.testing.assert_array_equal(mirrored, -signed)
 
 
 def test_s14_keeps_its_value_where_nothing_changes() -> None:
     assert pu.s14_sequence(np.ones(9), 1, 7).tolist() == [-1.0] * 7
     assert pu.s14_sequence(np.ones(9), 1, 7, initial=1.0).tolist() == [1.0] * 7
-    falling = np.arange(9.0, 0.0, -1.0)
-    assert pu.s14_sequence(falling, 1, 2).tolist() == [1.0, 1.0]
-    assert pu.s14_sequence(falling, 1, 2, first_step_is_initial=True).tolist() == [-1.0, 1.0]
-
-
-def test_printed_hysteresis_chatters_on_the_fast_turn() -> None:
-    r = np.deg2rad(400.0) * np.sin(2.0 * np.pi * 0.2 * DT * np.arange(6000))
-    flips = {
-        kind: np.count_nonzero(np.diff(pu.s14_sequence(r, 238, 4761, kind)))
-        for kind in ("printed", "look_ahead")
-    }
-    assert flips["printed"] > 1000
-    assert flips["look_ahead"] < 20
 
 
 def test_repair_and_square_root() -> None:
@@ -154,20 +135,12 @@ def test_sigma_points_order_and_scale() -> None:
     np.testing.assert_allclose(points, [[10, 20], [14, 20], [10, 26], [6, 20], [10, 14]], rtol=1e-14)
 
 
-def test_weights_as_printed_in_the_two_places() -> None:
-    np.testing.assert_allclose(pu.weights(4, 0.25), [0.25] + [0.09375] * 8)
-    assert pu.weights(4, 0.25, "eq:zpred").sum() == pytest.approx(0.84375)
-    assert round(float(pu.weights(4, 0.25, "eq:zpred").sum()), 3) == 0.844
-
-
 def test_bound_moves_points_off_the_boundary_only_where_the_mean_sits_on_it() -> None:
     U = np.array([0.01, 2.0, 5.0, 1.5])
     points = np.array([[-1.0, -3.0, 7.0, 1.7], [3.0, 6.0, 1.0, -1.9]])
     moved = pu.bound(points, U, pu.U_MIN, pu.U_MAX)
     # 1.5 (.01) + .5 = .515; mean inside: clipped to 0; 1.5 (5) - 3.5 = 4; 1.5 (1.5) - .85 = 1.4
     np.testing.assert_allclose(moved, [[0.515, 0.0, 4.0, 1.4], [3.0, 5.0, 1.0, -1.5]], rtol=1e-14)
-    clipped = pu.bound(points, U, pu.U_MIN, pu.U_MAX, "bound_then_move")
-    np.testing.assert_array_equal(clipped, np.clip(points, pu.U_MIN, pu.U_MAX))
     # Half the excess on the other side: U + (U - U^i) / 2.
     assert moved[0, 2] == U[2] + 0.5 * (U[2] - points[0, 2])
     # A very long excess passes the opposite bound and is bounded there.
@@ -178,25 +151,11 @@ def test_bound_moves_points_off_the_boundary_only_where_the_mean_sits_on_it() ->
 # --------------------------------------------------------------------------- propagation
 
 
-def test_increments_add_up_to_the_positional_form() -> None:
-    rng = np.random.default_rng(3)
-    r, y, ahead = rng.normal(size=(3, 30))
-    total = sum(
-        pu.alpha_increment(r[i], r[i - 1], y[i], y[i - 1], ahead[i], ahead[i - 1], 1.5, 0.1)
-        for i in range(1, 30)
-    )
-    ends = pu.alpha_positional(r[-1], y[-1], ahead[-1], 1.5, 0.1) - pu.alpha_positional(
-        r[0], y[0], ahead[0], 1.5, 0.1
-    )
-    assert total == pytest.approx(ends, rel=1e-12)
-
-
 def run(point, alpha_before=0.0, x=0.0, reference=None, **changes):
     s = replace(pu.Settings(N=5, dt=DT), **changes)
     reference = np.zeros(s.N + s.tau + 1) if reference is None else np.asarray(reference)
-    state, y_before = np.array([x]), changes.get("y_before")
     return pu.propagate(
-        np.array(point), alpha_before, state, reference, yaw_plant, lambda z: z, first, s, y_before
+        np.array(point), alpha_before, np.array([x]), reference, yaw_plant, lambda z: z, first, s
     )
 
 
@@ -205,9 +164,6 @@ def test_held_alpha_ramps_at_the_slew_rate_and_the_rest_is_constant() -> None:
     np.testing.assert_allclose(out.applied[:, 3], 0.1 + 3.5 * DT * np.arange(1, 6), rtol=1e-14)
     np.testing.assert_array_equal(out.applied[:, :3], np.tile([0.5, 1.0, 2.0], (5, 1)))
     np.testing.assert_array_equal(out.U, [0.5, 1.0, 2.0, 0.5])
-    assert run([0.5, 0.0, 0.0, 0.5], 0.1, saved="after_first_step").U[3] == pytest.approx(0.1 + 3.5 * DT)
-    assert run([0.5, 0.0, 0.0, 0.5], 0.1, saved="at_horizon").U[3] == pytest.approx(0.1 + 3.5 * 5 * DT)
-    assert run([0.5, 0.0, 0.0, 0.5], 0.1, saved="at_horizon", saved_alpha="commanded").U[3] == 0.5
 
 
 def test_held_output_is_the_exact_solution_of_the_linear_recursion() -> None:
@@ -216,10 +172,9 @@ def test_held_output_is_the_exact_solution_of_the_linear_recursion() -> None:
     assert out.Y[0] == pytest.approx(decay**40 * 2.0 + inflow * (1 - decay**40) / (1 - decay), rel=1e-13)
 
 
-@pytest.mark.parametrize("recursion", ["commanded", "applied"])
-def test_incremental_without_limits_telescopes(recursion) -> None:
+def test_incremental_without_limits_telescopes() -> None:
     r = np.random.default_rng(5).normal(size=9)
-    out = run([0.5, 0.0, 0.0, 0.2], 0.0, 1.0, r, dynamics="incremental", tau=3, recursion=recursion, **FREE)
+    out = run([0.5, 0.0, 0.0, 0.2], 0.0, 1.0, r, known_dynamics=True, tau=3, **FREE)
     y = [1.0, 1.0]  # y_-1 := y_0
     x = np.array([1.0])
     for u in out.applied:
@@ -232,43 +187,13 @@ def test_incremental_without_limits_telescopes(recursion) -> None:
     assert out.Y[0] == y[-1]
 
 
-def test_first_increment_of_the_two_time_alignments() -> None:
-    r = np.array([1.0, 1.5, 3.0, 3.0, 3.0, 3.0])
-    ahead = run([0.5, 0.0, 0.0, 0.2], 0.2, 1.0, r, dynamics="incremental", rate=np.inf)
-    assert ahead.commanded_alpha[0] == pytest.approx(0.2 + 1.6 * 0.5)
-    level = run([0.5, 0.0, 0.0, 0.2], 0.2, 1.0, r, dynamics="incremental", rate=np.inf, reference_offset=0)
-    assert level.commanded_alpha[0] == 0.2  # r[k] - r[k-1] with r[k-1] := r[k], y_0 - y_-1 = 0
-    y1 = first(yaw_plant(np.array([1.0]), level.applied[0], DT))
-    assert level.commanded_alpha[1] == pytest.approx(0.2 + 1.6 * 0.5 - 1.5 * (y1 - 1.0))
-
-
 def test_incremental_limits_and_what_is_saved() -> None:
     r = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
-    out = run([0.5, 0.0, 0.0, 0.0], 0.0, 0.0, r, dynamics="incremental", saved="after_first_step")
+    out = run([0.5, 0.0, 0.0, 0.0], 0.0, 0.0, r, known_dynamics=True)
     np.testing.assert_allclose(out.applied[:, 3], 3.5 * DT * np.arange(1, 6), rtol=1e-13)
     assert out.commanded_alpha[0] == pytest.approx(1.6)
     assert out.U[3] == pytest.approx(3.5 * DT)
-    drawn_back = run(
-        [0.5, 0.0, 0.0, 0.0],
-        0.0,
-        0.0,
-        r,
-        dynamics="incremental",
-        saved="after_first_step",
-        saved_alpha="commanded",
-    )
-    assert drawn_back.U[3] == 1.5  # bounded, not slew-rate limited
-    applied = run([0.5, 0.0, 0.0, 0.0], 0.0, 0.0, r, dynamics="incremental", recursion="applied")
-    assert applied.commanded_alpha[1] == pytest.approx(
-        3.5 * DT + 1.6 - 1.5 * (6.0 * 3.5 * DT * DT), rel=1e-12
-    )
-
-
-def test_positional_form_ignores_the_points_own_alpha() -> None:
-    r = np.linspace(0.1, 0.3, 6)
-    one, two = (run([0.5, 0.0, 0.0, a], 0.0, 0.05, r, dynamics="positional", **FREE) for a in (-1.0, 1.0))
-    np.testing.assert_array_equal(one.applied, two.applied)
-    assert one.commanded_alpha[0] == pytest.approx(1.5 * (r[1] - 0.05) + 0.1 * r[1])
+    assert out.commanded_alpha[1] == pytest.approx(3.5 * DT + 1.6 - 1.5 * (6.0 * 3.5 * DT * DT), rel=1e-12)
 
 
 # --------------------------------------------------------------------------- the whole step
@@ -291,18 +216,6 @@ def test_unbounded_linear_step_is_the_linear_oracle(m, l_outputs, noise) -> None
     gain = Pu @ B.T @ np.linalg.inv(B @ Pu @ B.T + R)
     np.testing.assert_allclose(step.updated.K, gain, atol=1e-11)
     np.testing.assert_allclose(step.Pu, Pu + Qu - gain @ (B @ Pu @ B.T + R) @ gain.T, atol=1e-10)
-
-
-def test_printed_weights_bias_the_predicted_output() -> None:
-    W, printed = pu.weights(4, 0.25), pu.weights(4, 0.25, "eq:zpred")
-    points, Y = np.zeros((9, 4)), np.full((9, 1), 2.0)
-    assert pu.update(np.zeros(4), np.eye(4), points, Y, W, 2.0, 1e-4).Ypred[0] == pytest.approx(2.0)
-    assert pu.update(np.zeros(4), np.eye(4), points, Y, printed, 2.0, 1e-4).Ypred[0] == pytest.approx(
-        2.0 * 0.84375
-    )
-    mixed = pu.update(np.zeros(4), np.eye(4), points, Y, W, 2.0, 1e-4, printed)
-    assert mixed.Ypred[0] == pytest.approx(2.0 * 0.84375)
-    assert mixed.C_y[0, 0] == pytest.approx(1e-4 + (2.0 * (1 - 0.84375)) ** 2)
 
 
 # --------------------------------------------------------------------------- hands and rigid body
