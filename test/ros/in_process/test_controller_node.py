@@ -18,7 +18,6 @@ from skydiver_utc.loop.build import build_reference
 from skydiver_utc.messages import fill_named, fill_preview, read_named
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.controller_node import ControllerNode
-from skydiver_utc.nodes.diagnostics import Level
 from skydiver_utc.parameters import ParameterError, load_scenario
 from skydiver_utc.parameters.nodes import resolve
 
@@ -313,14 +312,6 @@ def test_a_twist_needs_a_component_for_each_control(ros: Ros, tmp_path: Path) ->
     for components in ([], ["linear.x"], ["linear.x", "linear.w"]):
         with pytest.raises(ParameterError, match="command_components"):
             ControllerNode(ros.context, given | {"command_components": components})
-
-
-def test_no_new_state_is_a_warning(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    stage.ready().send(0)
-    stage.answers(1)
-    assert stage.node.health().level is Level.OK
-    monkeypatch.setattr("skydiver_utc.nodes.answering._PATIENCE_S", 0.0)
-    assert stage.node.health().level is Level.WARN
 
 
 def test_a_scenario_that_cannot_be_read_is_counted(stage: Stage) -> None:

@@ -129,15 +129,6 @@ def test_start_and_topics_choose_what_is_played(ros: Ros, run: Path) -> None:
     assert {name: messages for name, messages in audience.received.items() if messages} == expected
 
 
-def test_a_loop_begins_again(ros: Ros, run: Path) -> None:
-    audience = Audience(ros, (JOINT_STATE,))
-    node = player(ros, run, rate=20.0, loop=True)
-    states = read_bag(run)["/skydiver/state"].cdr
-    ros.spin_until(lambda: audience.count > 2 * len(states))
-    assert not node.finished
-    assert audience.received["/skydiver/state"][: 2 * len(states)] == states * 2
-
-
 def text_bag(folder: Path) -> Path:
     rows = [Row("/text", 10**18 + k * 10**7, 1, text_message(str(k))) for k in range(3)]
     with BagWriter(folder) as bag:

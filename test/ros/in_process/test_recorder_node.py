@@ -75,7 +75,7 @@ def test_messages_without_a_stamp_get_the_newest_time_of_clock_and_state(stage: 
     assert times["/skydiver/outcome"] == stage.node.scenario.stamp_ns(9)
 
 
-@pytest.mark.parametrize("seconds", [0, 1, 1_800_000_000])
+@pytest.mark.parametrize("seconds", [0, 1_800_000_000])
 def test_a_stamp_outside_of_the_run_is_recorded_at_the_newest_time(stage: Stage, seconds: int) -> None:
     stage.all_there()
     stage.state(3)
@@ -180,17 +180,7 @@ def test_an_outcome_from_before_the_recording_does_not_end_it(ros: Ros, tmp_path
     assert "/skydiver/outcome" not in {message.topic for message in stage.recorded()}
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "hello",
-        "",
-        "[]",
-        '{"run_id": "r", "states": -1}',
-        '{"outcome": "completed"}',
-        b"\0\1\0\0\xff\xff\xff\x7f",
-    ],
-)
+@pytest.mark.parametrize("text", ["[]", b"\0\1\0\0\xff\xff\xff\x7f"])
 def test_a_text_that_is_no_outcome_is_refused(stage: Stage, text: Any) -> None:
     stage.all_there()
     stage.state(0)

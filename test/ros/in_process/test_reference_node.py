@@ -12,7 +12,6 @@ from ros_fixtures import Partner, Ros
 from skydiver_utc.loop.build import build_reference
 from skydiver_utc.messages import read_named, read_preview
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.diagnostics import Level
 from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.parameters import to_yaml
 
@@ -132,14 +131,6 @@ def test_a_clock_off_the_grid_is_counted(stage: Stage) -> None:
     message.clock.sec = 5
     stage.clocks.publish(message)
     stage.ros.spin_until(lambda: stage.node.refusals.counts["stamp"] == 1)
-
-
-def test_a_clock_that_stands_still_is_a_warning(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert stage.node.health().level is Level.OK
-    stage.tick(3)
-    assert stage.node.health().level is Level.OK
-    monkeypatch.setattr("skydiver_utc.nodes.reference_node._PATIENCE_S", 0.0)
-    assert stage.node.health().level is Level.WARN
 
 
 def stick_message(value: float) -> Any:
