@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs in process: the scenarios' figures, and the loop itself."""
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from pinned import PINNED
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.loop.closed_loop import simulate
@@ -15,7 +14,6 @@ from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import load_scenario, scenario_names
 
 FAST = "fast_turn_unknown_dynamics"
-PINNED = json.loads((Path(__file__).parents[1] / "data" / "metrics.json").read_text(encoding="utf-8"))
 # Largest RMSE [deg/s] of the paper's figures utc_m0_c2, utc_m1_c2 and utc_m1_c3.
 THE_PAPERS_THREE = {
     "fast_turn_unknown_dynamics": 4.0,

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from matplotlib.image import imread
+from pinned import PINNED
 from telemetry_figure import telemetry_figure
 from tuning_guide import STEPS
 
@@ -305,13 +306,12 @@ class TestShippedPage:
         assert all((PAPER / name).is_file() for name in shown)
 
     def test_its_figures_are_those_of_the_scenarios(self) -> None:
-        pinned = json.loads((PAPER.parents[1] / "test" / "data" / "metrics.json").read_text(encoding="utf-8"))
-        shown = {name: one for name, one in read_comparison(PAPER).measures.items() if name in pinned}
+        shown = {name: one for name, one in read_comparison(PAPER).measures.items() if name in PINNED}
         assert len(shown) > 5
         for name, shipped in shown.items():
-            assert shipped.outcome == pinned[name]["outcome"]
+            assert shipped.outcome == PINNED[name]["outcome"]
             for key in ("rmse_deg_s", "max_abs_error_deg_s", "control_effort", "peak_yaw_rate_deg_s"):
-                assert getattr(shipped, key) == pytest.approx(pinned[name][key], rel=SAME_FLIGHT), (name, key)
+                assert getattr(shipped, key) == pytest.approx(PINNED[name][key], rel=SAME_FLIGHT), (name, key)
 
     def test_a_flight_with_other_settings_flies_again(self) -> None:
         one = flown.VARIANTS[2].flown
@@ -342,13 +342,11 @@ class TestShippedPage:
 
 
 def test_the_readme_has_the_pinned_figures() -> None:
-    root = PAPER.parents[1]
-    pinned = json.loads((root / "test" / "data" / "metrics.json").read_text(encoding="utf-8"))
-    text = (root / "README.md").read_text(encoding="utf-8")
+    text = (PAPER.parents[1] / "README.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `(\w+)`[^|]*\| ([\d.]+)", text, re.MULTILINE)
     assert len(rows) > 1
     for name, printed in rows:
-        assert float(printed) == pytest.approx(pinned[name]["rmse_deg_s"], rel=SAME_FLIGHT), name
+        assert float(printed) == pytest.approx(PINNED[name]["rmse_deg_s"], rel=SAME_FLIGHT), name
 
 
 def test_results_survive_their_file() -> None:

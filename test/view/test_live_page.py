@@ -105,25 +105,19 @@ def test_a_live_flight_is_drawn_and_obeys(open_page):
         browser.keyboard.press("r")
         wait(shown, lambda: flight.now().time_s < stopped)
 
+        # On a phone at night.
+        browser.set_viewport_size({"width": 390, "height": 844})
+        browser.get_by_text("View", exact=True).click()
+        browser.get_by_label("dark", exact=True).click()
+        wait(shown, lambda: shown.pixels(SCENE)[:200].mean() < 100.0)
+        assert shown.colours(SCENE) > 50
+        assert browser.evaluate("document.documentElement.scrollWidth") <= 390
+
         assert browser.locator("img[src='x']").count() == 0
         assert shown.errors == []
         assert shown.outside == []
         assert page.server.get_host() == "127.0.0.1"
         assert browser.get_by_text("Share", exact=True).count() == 0
-
-
-def test_a_live_flight_on_a_phone_at_night(open_page):
-    flight = LiveFlight(load_scenario("fast_turn_unknown_dynamics"))
-    flight.advance(1.0)
-    with served(LivePage(flight, port=8192)) as page:
-        shown = opened(open_page, page, width=390, height=844)
-        shown.page.get_by_text("View", exact=True).click()
-        shown.page.get_by_label("dark", exact=True).click()
-        wait(shown, lambda: shown.pixels(SCENE)[:200].mean() < 100.0)
-        assert shown.colours(SCENE) > 50
-        assert shown.page.evaluate("document.documentElement.scrollWidth") <= 390
-        assert shown.errors == []
-        assert shown.outside == []
 
 
 def test_a_refused_value_is_named_and_its_control_goes_back():

@@ -228,15 +228,13 @@ def test_a_drag_zooms_and_escape_shows_the_whole_run(shown: OpenedPage) -> None:
 
 
 @pytest.mark.long
-def test_a_phone_at_night(open_page: OpenPage, tmp_path: Path) -> None:
-    path = tmp_path / "report.html"
-    path.write_text(page(turning(), turning()), encoding="utf-8")
-    opened = open_page(path, width=390, height=844, dark=True)
-    opened.page.wait_for_function("playerTime() > 0")
-    assert opened.page.evaluate("document.documentElement.scrollWidth") <= 390
-    assert opened.page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(22, 25, 28)"
-    assert shows_a_body(opened)
-    assert (opened.errors, opened.outside) == ([], [])
+def test_a_phone_at_night(shown: OpenedPage) -> None:
+    shown.page.emulate_media(color_scheme="dark")
+    shown.page.set_viewport_size({"width": 390, "height": 844})
+    assert shown.page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert shown.page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(22, 25, 28)"
+    assert shows_a_body(shown)
+    assert (shown.errors, shown.outside) == ([], [])
 
 
 @pytest.mark.long
