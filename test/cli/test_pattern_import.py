@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measured motions: thinned to a tolerance that is kept, and flown by the command that is printed."""
 
-import json
 import re
 import shlex
 import subprocess
@@ -37,7 +36,7 @@ def imported(source, out, *arguments):
     words = shlex.split(command)
     assert words[:3] == ["skydiver-utc", "simulate", "bank_recovery"]
     assert set(words[3::2]) == {"--set"}
-    return printed, dict(map(parse_setting, words[4::2])), words[1:]
+    return printed, dict(map(parse_setting, words[4::2]))
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +62,7 @@ def test_the_example_is_written_by_its_script():
 
 def test_the_path_meets_every_measured_posture(arms):
     """As the plant will move: within the tolerance, and within what the command says."""
-    printed, settings, _ = arms
+    printed, settings = arms
     scenario = load_scenario("bank_recovery", settings)
     assert isinstance(scenario.plant.pattern, PosturePath)
     time_s, postures = measured(ARMS)
@@ -79,12 +78,10 @@ def test_the_path_meets_every_measured_posture(arms):
 
 def test_the_printed_command_flies_the_motion(arms):
     """Every measured posture is taken at its time: within the tolerance and a step of the fastest joint."""
-    _, settings, words = arms
-    result = CliRunner().invoke(main, [*words, "--json"])
-    assert result.exit_code == 0, result.output
-    assert json.loads(result.stdout)["outcome"] == "completed"
+    _, settings = arms
     scenario = load_scenario("bank_recovery", settings)
     flight, plant = simulate(scenario), build_plant(scenario)
+    assert flight.outcome.value == "completed"
     time_s, postures = measured(ARMS)
     fastest = np.abs(np.diff(postures, axis=0) / np.diff(time_s)[:, None]).max()
     for moment, posture in zip(time_s, postures, strict=True):
@@ -103,7 +100,7 @@ def test_a_recorded_turn_is_flown_again(tmp_path):
     alphas = 0.8 * np.sin(np.linspace(0.0, np.pi, 41))
     bag = bag_of_postures(tmp_path / "run", neutral() + alphas[:, None] * direction_of("turn"), NAMES)
     # The second posture is sent twice; the first one counts.
-    _, settings, _ = imported(bag, tmp_path / "again.yaml", "--tolerance", "0.1")
+    _, settings = imported(bag, tmp_path / "again.yaml", "--tolerance", "0.1")
     scenario = load_scenario("bank_recovery", settings)
     moves = movement(scenario.plant.posture, scenario.plant.pattern)
     half_way = moves.angles(1.0).ravel() - neutral()
@@ -135,7 +132,7 @@ def test_thinning_keeps_the_tolerance(tolerance):
 def test_what_the_file_lacks_is_that_of_the_posture_named(tmp_path):
     names = ["left_elbow_flexion", "right_elbow_flexion"]
     source = csv_of(tmp_path / "elbows.csv", np.deg2rad([[90.0, 90.0], [60.0, 60.0]]), names, dt=2.0)
-    _, settings, _ = imported(source, tmp_path / "elbows.yaml", "--set", "plant.posture=fast_fall")
+    _, settings = imported(source, tmp_path / "elbows.yaml", "--set", "plant.posture=fast_fall")
     scenario = load_scenario("bank_recovery", settings)
     fast_fall = load_scenario("bank_recovery", {"plant.posture": "fast_fall"}).plant.posture.joint_angles_deg
     for joint, row in fast_fall.items():
@@ -147,7 +144,7 @@ def test_what_the_file_lacks_is_that_of_the_posture_named(tmp_path):
 def test_a_motion_faster_than_the_limbs_may_go_raises_their_rate(tmp_path):
     """Alpha goes from 0 to 2 in 0.2 s: 10 rad/s, beyond the 3.5 of the scenario."""
     postures = neutral() + np.array([0.0, 0.05])[:, None] * direction_of("turn")
-    _, settings, _ = imported(csv_of(tmp_path / "jerk.csv", postures, dt=0.2), tmp_path / "jerk.yaml")
+    _, settings = imported(csv_of(tmp_path / "jerk.csv", postures, dt=0.2), tmp_path / "jerk.yaml")
     assert settings["plant.limits.alpha_rate"] == pytest.approx(10.0)
     assert load_scenario("bank_recovery", settings).plant.limits.alpha_rate == pytest.approx(10.0)
 
@@ -158,7 +155,7 @@ def test_a_long_motion_gets_a_denser_table(tmp_path):
     path = tmp_path / "nod.csv"
     rows = [f"{t},{angle}" for t, angle in zip(time_s, [0, 0, 30, 0, 0], strict=True)]
     path.write_text("\n".join(["time_s,neck_rotation", *rows]), encoding="utf-8")
-    _, settings, _ = imported(path, tmp_path / "nod.yaml")
+    _, settings = imported(path, tmp_path / "nod.yaml")
     assert settings["plant.pattern_nodes"] == 801
     path.write_text("\n".join(["time_s,neck_rotation", *rows[:-1], "400,0"]), encoding="utf-8")
     assert "less than 1/1024 of it apart" in refused(path, tmp_path / "longer.yaml")
@@ -176,7 +173,7 @@ KNEES = ["left_knee_flexion", "right_knee_flexion"]
 def test_angles_just_beyond_the_joint_limits_are_clipped_and_named(tmp_path):
     """As published gaits have them: a straight knee a degree beyond."""
     source = csv_of(tmp_path / "gait.csv", np.deg2rad([[40.0, 9.0], [-1.1, 5.0], [20.0, 0.0]]), KNEES, dt=1.0)
-    printed, settings, _ = imported(source, tmp_path / "gait.yaml")
+    printed, settings = imported(source, tmp_path / "gait.yaml")
     assert "left_knee_flexion by 1.1 deg" in printed
     assert "right_knee" not in printed
     path = load_scenario("bank_recovery", settings).plant.pattern
@@ -236,7 +233,7 @@ def arms_of(path, time_s, angles_deg):
 def test_the_table_that_is_flown_is_exact_enough_for_a_quick_motion(tmp_path):
     """By the postures at three places between any two nodes, in metres and kg m2; and the error is printed."""
     source = arms_of(tmp_path / "quick.csv", [0.0, 1.0, 1.1, 1.2, 3.0], [0.0, 0.0, 60.0, 0.0, 0.0])
-    printed, settings, _ = imported(source, tmp_path / "quick.yaml")
+    printed, settings = imported(source, tmp_path / "quick.yaml")
     scenario = load_scenario("bank_recovery", settings)
     plant, row = build_plant(scenario), np.empty(GEOMETRY_SIZE)
     body, moves = build_body(scenario.plant.subject), movement(scenario.plant.posture, scenario.plant.pattern)
@@ -263,12 +260,12 @@ def test_a_motion_too_quick_for_the_table_is_refused_with_its_error(tmp_path):
     assert list(tmp_path.glob("*.yaml")) == []
 
 
-@pytest.mark.parametrize("name", ["1", "my arms #1", "it's", '"Ärmel"', "[a, b]"])
+@pytest.mark.parametrize("name", ["1", "it's #1", '["Ärmel", b]'])
 def test_a_command_names_any_file(name, tmp_path, monkeypatch):
     """Relative, so that nothing before the name keeps YAML from reading a number or a list."""
     monkeypatch.chdir(tmp_path)
     source = arms_of(tmp_path / "source.csv", [0.0, 2.0], [0.0, 20.0])
-    _, settings, _ = imported(source, f"{name}.yaml")
+    _, settings = imported(source, f"{name}.yaml")
     scenario = load_scenario("bank_recovery", settings)
     assert (scenario.name, scenario.title) == (name, f"Measured motion {name}")
     assert (scenario.plant.pattern.name, scenario.plant.posture.name) == (name, f"{name}_start")
@@ -311,5 +308,5 @@ def test_a_file_that_exists_is_kept_unless_forced(tmp_path):
     message = refused(ARMS, tmp_path / "arms.yaml")
     assert f"{tmp_path / taken} exists: choose another file, or add --force" in message
     assert [path.read_text(encoding="utf-8") for path in tmp_path.iterdir()] == ["mine"]
-    _, settings, _ = imported(ARMS, tmp_path / "arms.yaml", "--force")
+    _, settings = imported(ARMS, tmp_path / "arms.yaml", "--force")
     assert load_scenario("bank_recovery", settings).plant.pattern.name == "arms"

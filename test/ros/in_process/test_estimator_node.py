@@ -58,7 +58,7 @@ class Flight:
         self, ros: Ros, folder: Path, node: type[EstimatorNode] = EstimatorNode, **settings: object
     ) -> None:
         self.scenario: Scenario = override(
-            cart(), {"duration_s": 20.0, "controller": {"kind": "lqr"}, **settings}
+            cart(), {"duration_s": 12.0, "controller": {"kind": "lqr"}, **settings}
         )
         path = folder / "cart.yaml"
         path.write_text(to_yaml(self.scenario), encoding="utf-8")

@@ -84,7 +84,7 @@ def test_the_skydiver_flies_as_in_process(ros: Ros) -> None:
 DISTURBED = """
 extends: fast_turn_pi_dynamics
 name: disturbed
-duration_s: 0.8
+duration_s: 0.5
 seed: 5
 truth:
   actuator_lag_s: 0.03

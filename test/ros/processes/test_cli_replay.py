@@ -4,13 +4,11 @@
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
-from command_line import PATIENCE_S, call, start
+from command_line import PATIENCE_S, start
 from ros_fixtures import Ros
 from std_msgs.msg import String
 
 from bags import START_NS, Row, text_message
-from skydiver_utc.cli.main import main
 from skydiver_utc.recording.schemas import message_schema
 from skydiver_utc.recording.writer import BagWriter
 
@@ -55,35 +53,3 @@ def test_a_loop_is_ended_by_ctrl_c(ros: Ros, domain: int, tmp_path: Path) -> Non
     _, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert "Traceback" not in stderr
-
-
-def test_an_option_that_does_not_fit_the_recording_is_one_sentence(domain: int, tmp_path: Path) -> None:
-    arguments = ("--quiet", "--topics", "/other")
-    code, _, stderr = call("replay", bag(tmp_path / "bag"), *arguments, ROS_DOMAIN_ID=domain)
-    assert code == 2
-    (line,) = stderr.splitlines()
-    assert line.startswith("Error: ")
-    assert "/other" in line
-
-
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [
-        (["--json"], "--check"),
-        (["--check", "--rate=2"], "--check"),
-        (["--check", "--loop"], "--check"),
-        (["--topics", "state,"], "--topics"),
-        (["--topics", ""], "--topics"),
-    ],
-)
-def test_options_that_do_not_go_together_are_named(tmp_path: Path, arguments: list[str], word: str) -> None:
-    result = CliRunner().invoke(main, ["replay", str(tmp_path), *arguments])
-    assert result.exit_code == 2
-    assert word in result.output
-
-
-def test_a_folder_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
-    result = CliRunner().invoke(main, ["replay", str(tmp_path / "nothere")])
-    assert result.exit_code == 2
-    (line,) = result.output.splitlines()
-    assert str(tmp_path / "nothere") in line

@@ -125,7 +125,7 @@ def test_of_two_runs_each_has_its_namespace_clock_and_folder_and_a_failure_names
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
 def test_a_run_whose_recorder_is_killed_reaches_its_end(command: Command, tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    process = command.start("run", command.cart, "--out", str(folder), "--set", "duration_s=30")
+    process = command.start("run", command.cart, "--out", str(folder), "--set", "duration_s=15")
     file = folder / "run_0.mcap"
     wait_for(lambda: file.is_file() and file.stat().st_size > 60_000, process)
     os.kill(command.node_of(process, "recorder"), signal.SIGKILL)

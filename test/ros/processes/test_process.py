@@ -53,11 +53,10 @@ def test_the_help_of_every_node_needs_neither_rclpy_nor_numba() -> None:
     assert found.stdout.count("usage: ") == 5
 
 
-@pytest.mark.parametrize("kind", ["plant", "recorder"])
-def test_a_help_text_whose_reader_has_gone_is_no_error(kind: str) -> None:
+def test_a_help_text_whose_reader_has_gone_is_no_error() -> None:
     reader, writer = os.pipe()
     os.close(reader)
-    command = [sys.executable, "-m", f"skydiver_utc.nodes.{kind}_node", "--help"]
+    command = [sys.executable, "-m", "skydiver_utc.nodes.plant_node", "--help"]
     ended = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
     os.close(writer)
     assert (ended.returncode, ended.stderr) == (0, "")

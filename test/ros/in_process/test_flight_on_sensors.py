@@ -6,27 +6,36 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import call, invoke
+from command_line import invoke
 from recorded import Bag, assert_complete, assert_equals_simulation
+from ros_fixtures import Ros, overrides
 
 from skydiver_utc.estimators.consistency import VERDICTS
 from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.controller_node import ControllerNode
+from skydiver_utc.nodes.estimator_node import EstimatorNode
+from skydiver_utc.nodes.plant_node import PlantNode
+from skydiver_utc.nodes.recorder_node import RecorderNode
+from skydiver_utc.nodes.reference_node import ReferenceNode
 
-pytest_plugins = ("ros_domains",)
-pytestmark = [pytest.mark.processes, pytest.mark.long]
+pytest_plugins = ("ros_fixtures",)
 
 
-def test_a_flight_on_sensors_equals_the_simulation_and_its_check(domain: int, tmp_path: Path) -> None:
+@pytest.mark.long
+def test_a_flight_on_sensors_equals_the_simulation_and_its_check(ros: Ros, tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    gyroscope = {"duration_s": 0.5}
-    gyroscope |= {
-        f"estimator.sensors.gyroscope.{name}": v for name, v in {"delay_s": 0.02, "loss": 0.2}.items()
-    }
-    settings = [word for name, value in gyroscope.items() for word in ("--set", f"{name}={value}")]
-    code, _, error = call(
-        "run", "fast_turn_gyro_accelerometer", "--quiet", "--out", folder, *settings, ROS_DOMAIN_ID=domain
+    given = overrides(
+        0.5,
+        scenario="fast_turn_gyro_accelerometer",
+        estimator__sensors__gyroscope__delay_s=0.02,
+        estimator__sensors__gyroscope__loss=0.2,
     )
-    assert code == 0, error
+    waiting = given | {"wait_for_recorder": True}
+    recorder = ros.add(RecorderNode(ros.context, given | {"out": str(folder)}))
+    kinds = (ReferenceNode, EstimatorNode, ControllerNode, PlantNode)
+    nodes = [ros.add(kind(ros.context, waiting)) for kind in kinds]
+    ros.spin_until(lambda: recorder.finished and not recorder.not_in_bag())
+    assert [node.close() for node in (*nodes, recorder)] == [0] * 5
     bag = Bag(folder)
     assert_complete(bag)
     assert_equals_simulation(bag)
