@@ -2,11 +2,11 @@
 """Files that are there as a whole or not at all: written beside, then renamed."""
 
 import os
+import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from uuid import uuid4
 
 
 def write_file(path: Path, content: str | bytes) -> None:
@@ -42,7 +42,7 @@ def new_folder(path: Path) -> Iterator[Path]:
 @contextmanager
 def _draft(path: Path) -> Iterator[Path]:
     """A new name beside the path, to be written; renamed at the end, deleted after an error."""
-    draft = path.with_name(f".{path.name}.{uuid4().hex}")
+    draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     try:
         yield draft
         draft.rename(path)

@@ -48,7 +48,9 @@ def design_pattern(
         slope = np.empty(len(free))
         return cost_and_slope(numbers, basis, free, slope), slope
 
-    unit_norm = NonlinearConstraint(lambda free: squares @ free**2, 1.0, 1.0)
+    unit_norm = NonlinearConstraint(
+        lambda free: squares @ free**2, 1.0, 1.0, jac=lambda free: 2.0 * squares * free
+    )
     guesses = [0.3 * rng.normal(size=len(reach)) for _ in range(starts)]
     if known is not None:
         guesses.append(np.tensordot(basis, pattern_direction(known), 2) / squares)
@@ -57,7 +59,7 @@ def design_pattern(
             cost,
             np.clip(guess, -reach, reach),
             jac=True,
-            bounds=np.transpose([-reach, reach]),
+            bounds=list(zip(-reach, reach, strict=True)),
             constraints=unit_norm,
             method="SLSQP",
             options={"maxiter": 500, "ftol": 1e-9},
@@ -70,7 +72,7 @@ def design_pattern(
             f"no {kind.name} pattern was found for posture {scenario.plant.posture.name}: try another seed"
         )
     direction: Array = np.tensordot(best.x, basis, 1)
-    return direction
+    return direction / np.linalg.norm(direction)
 
 
 def designed_pattern(
@@ -152,7 +154,7 @@ def _numbers(kind: PatternKind, body: Body, model: PlantModel, trim: Trim) -> _N
         falling,
         angles,
         address(pack_geometry, body, angles, angles, row),
-        address(state_derivative, model, *5 * [falling]),
+        address(state_derivative, model, row, np.empty(6), np.empty(4), falling, falling),
     )
 
 

@@ -43,7 +43,7 @@ class PatternKind:
     @property
     def midline(self) -> tuple[tuple[str, int], ...]:
         """Free angles of the trunk."""
-        columns = {1: (0,), -1: (1, 2)}[self.right_side]
+        columns = (0,) if self.right_side > 0 else (1, 2)
         return tuple((joint, column) for joint in _TRUNK for column in columns)
 
 

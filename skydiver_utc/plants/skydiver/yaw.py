@@ -10,12 +10,12 @@ from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall, steady_tur
 Array = NDArray[np.float64]
 
 # Steps in pattern angle in which a steady fall is followed from one reported angle to the next.
-_STEPS = 7
+_STEPS = 6
 
 
 def yaw_acceleration(model: PlantModel, fall: SteadyFall) -> float:
     """Body acceleration about the dorsal axis [rad/s2] in a straight fall with the whole pattern put in at once."""
-    body = HeldBody(model, np.append(np.zeros(3), model.control_max[3]))
+    body = HeldBody(model, np.array([0.0, 0.0, 0.0, model.control_max[3]]))
     return float(body.accelerations(fall.up, fall.velocity, fall.rates)[5])
 
 
@@ -30,9 +30,9 @@ def steady_turns(
     near: SteadyFall | None = fall
     reached = 0.0
     for alpha in alphas:
-        for step in np.linspace(reached, alpha, _STEPS)[1:]:
+        for step in np.linspace(reached, alpha, _STEPS + 1)[1:]:
             if near is not None:
-                near = steady_turn(HeldBody(model, np.array([damping, *np.zeros(2), step])), near)
+                near = steady_turn(HeldBody(model, np.array([damping, 0.0, 0.0, step])), near)
         reached = float(alpha)
         found.append(near)
     return found
