@@ -10,7 +10,7 @@ sequence before, is the real-time iteration (Diehl, Bock, Schloeder, SIAM J. Con
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.controllers.horizon import Horizon, cost_of
+from skydiver_utc.controllers.horizon import Horizon, HorizonCost, cost_of
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import GaussNewtonSettings
 from skydiver_utc.plants.protocol import Plant
@@ -52,6 +52,10 @@ class GaussNewtonController:
         allowed = np.tile(change[moving] * self._horizon.block_periods, settings.blocks - 1)
         self._lower = np.concatenate([np.tile(minimum, settings.blocks), -allowed])
         self._upper = np.concatenate([np.tile(maximum, settings.blocks), allowed])
+        self._points = self._horizon.sequences.reshape(n + 1, n)
+        self._moved = np.einsum("ii->i", self._points[1:])  # a view of the entry that each sequence changes
+        # The cost of controls and changes in the program: in H, and in g.
+        self._curvature, self._pull, self._change = _of_controls(self._cost, settings.blocks)
         self.reset()
 
     def reset(self) -> None:
@@ -97,16 +101,13 @@ class GaussNewtonController:
         at, m, n = self._horizon, len(self._applied), sequence.size
         minimum, maximum, change = at.limits
         x = sequence.ravel()
-        points = at.sequences.reshape(n + 1, n)
-        points[:] = x
+        self._points[:] = x
         # An entry too near to its maximum moves down.
-        steps = np.where(
-            x + self._differences <= np.tile(maximum, at.blocks), self._differences, -self._differences
-        )
-        points[range(1, n + 1), range(n)] += steps
+        up = x + self._differences <= self._upper[:n]
+        self._moved += np.where(up, self._differences, -self._differences)
         outputs = at.outputs(state, self._applied, preview)
         self._outputs = outputs[0].copy()
-        J = (outputs[1:] - outputs[0]) / (points[range(1, n + 1), range(n)] - x)[:, None]
+        J = (outputs[1:] - outputs[0]) / (self._moved - x)[:, None]
         H, g = self._program(J, outputs[0] - reference.ravel() - x @ J, len(reference))
         if not (np.isfinite(H).all() and np.isfinite(g).all()):
             return None
@@ -125,16 +126,18 @@ class GaussNewtonController:
 
     def _program(self, J: Array, error: Array, steps: int) -> tuple[Array, Array]:
         """H (n, n) and g (n,) of J / 2 = 1/2 x' H x + g' x + const, outputs linearised with slopes J (n, N l)."""
-        m, blocks = len(self._applied), self._horizon.blocks
         with np.errstate(over="ignore", invalid="ignore"):  # of a model that diverges
             H, g = J @ J.T / steps, J @ error / steps
-        control, change = self._cost.control / blocks, self._cost.change / blocks
-        g -= np.tile(control * self._cost.nominal, blocks)
-        g[:m] -= change * self._applied
-        diagonal = np.tile(control + 2.0 * change, blocks)
-        diagonal[-m:] -= change
-        H[np.diag_indices_from(H)] += diagonal
-        i = np.arange(m, m * blocks)
-        H[i, i - m] -= np.tile(change, blocks - 1)
-        H[i - m, i] -= np.tile(change, blocks - 1)
+        H += self._curvature
+        g -= self._pull
+        g[: len(self._change)] -= self._change * self._applied
         return H, g
+
+
+def _of_controls(cost: HorizonCost, blocks: int) -> tuple[Array, Array, Array]:
+    """What the cost adds to H (n, n), takes from g (n,), and, times the applied control, from its first entries (m,)."""
+    m, control, change = len(cost.nominal), cost.control / blocks, cost.change / blocks
+    diagonal = np.tile(control + 2.0 * change, blocks)
+    diagonal[-m:] -= change
+    of_neighbours = np.diag(np.tile(change, blocks - 1), m)
+    return np.diag(diagonal) - of_neighbours - of_neighbours.T, np.tile(control * cost.nominal, blocks), change

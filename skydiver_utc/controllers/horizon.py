@@ -37,7 +37,9 @@ class HorizonCost(NamedTuple):
     def of(self, sequences: Array, applied: Array, outputs: Array, reference: Array) -> Array:
         """J (S,) of sequences (S, B, m) with their outputs (S, N l); NaN where an output is."""
         steps, blocks = reference.shape[0], sequences.shape[1]
-        changes = np.diff(sequences, axis=1, prepend=np.broadcast_to(applied, sequences[:, :1].shape))
+        changes = sequences.copy()
+        changes[:, 0] -= applied
+        changes[:, 1:] -= sequences[:, :-1]
         tracking = np.sum((outputs - reference.ravel()) ** 2, axis=1)
         effort = np.sum((sequences - self.nominal) ** 2 @ self.control + changes**2 @ self.change, axis=1)
         total: Array = tracking / steps + effort / blocks
@@ -99,15 +101,14 @@ class Horizon:
 
     def first_period(self, sequence: Array, applied: Array) -> Array:
         """The control (m,) of a sequence's first control period."""
-        first = sequence[0].copy()
-        moving = self._moving
-        first[moving] = applied[moving] + (first[moving] - applied[moving]) / self.block_periods
-        return limited(first, applied, self.limits)
+        first = sequence[0]
+        moved = applied + (first - applied) / self.block_periods
+        return limited(np.where(self._moving, moved, first), applied, self.limits)
 
     def one_period_on(self, sequence: Array) -> Array:
         """The sequence (B, m) as seen one control period later, the last block held on."""
-        following = np.vstack([sequence[1:], sequence[-1:]])
-        moved: Array = sequence + (following - sequence) / self.block_periods
+        moved = sequence.copy()
+        moved[:-1] += (sequence[1:] - sequence[:-1]) / self.block_periods
         return moved
 
 

@@ -11,6 +11,7 @@ F_j from the adjoint of the closed loop. The reference counts as constant after 
 before is the one that the limits left, so that a control at its limit does not wind up.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -101,6 +102,17 @@ def design(plant: Linearised, control_weight: Array, change_weight: Array, previ
     return Gains(feedback, np.array(of_steps))
 
 
+@lru_cache(maxsize=8)
+def _designed(
+    settings: LqrSettings, plant: Plant, outputs: tuple[str, ...]
+) -> tuple[Array, Reduced, Linearised, Gains]:
+    """The nominal control (m,), the equilibrium under it, the model there, and the gains."""
+    cost = cost_of(settings, plant)
+    about = plant.reduced(cost.nominal)
+    model = linearised(plant, about, cost.nominal, outputs)
+    return cost.nominal, about, model, design(model, cost.control, cost.change, settings.horizon_steps)
+
+
 class LinearQuadraticController(LimitedController):
     """The regulator about the plant's equilibrium under the control at rest (`Plant.reduced`)."""
 
@@ -109,11 +121,7 @@ class LinearQuadraticController(LimitedController):
     def __init__(
         self, settings: LqrSettings, plant: Plant, outputs: tuple[str, ...], dt_s: float, seed: int = 0
     ) -> None:
-        cost = cost_of(settings, plant)
-        self._nominal = cost.nominal
-        self._about = plant.reduced(cost.nominal)
-        self._plant = linearised(plant, self._about, cost.nominal, outputs)
-        self._gains = design(self._plant, cost.control, cost.change, settings.horizon_steps)
+        self._nominal, self._about, self._plant, self._gains = _designed(settings, plant, outputs)
         self.preview_steps = settings.preview_steps(dt_s)
         super().__init__(plant)
         self._tracks = self._plant.outputs, self._gains.preview, self._limits

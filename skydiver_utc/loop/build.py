@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a scenario to the objects in the slots of its closed loop."""
 
+from functools import lru_cache
 from typing import Any
 
 from skydiver_utc.controllers.delay import DelayCompensation
@@ -16,13 +17,17 @@ from skydiver_utc.references.protocol import Reference
 
 def build_plant(scenario: Scenario) -> Plant:
     """The plant with which controller and estimator predict. Raises `ParameterError`, like all of these functions."""
-    plant: Plant = _build("plant", scenario.plant, scenario.dt_s)
-    return plant
+    return _plant(scenario.plant, scenario.dt_s)
 
 
 def build_true_plant(scenario: Scenario) -> Plant:
     """The plant of the run."""
-    plant: Plant = _build("plant", scenario.true_plant, scenario.dt_s)
+    return _plant(scenario.true_plant, scenario.dt_s)
+
+
+@lru_cache(maxsize=8)  # it keeps no state
+def _plant(settings: Any, dt_s: float) -> Plant:
+    plant: Plant = _build("plant", settings, dt_s)
     return plant
 
 

@@ -32,6 +32,9 @@ class Parameters(BaseModel):
         lists = {name for name, field in cls.model_fields.items() if get_origin(field.annotation) is list}
         return {name: value if name in lists else _as_tuples(value) for name, value in content.items()}
 
+    def __hash__(self) -> int:
+        return hash(self.model_dump_json())
+
     def replace(self, **changes: Any) -> Self:
         """A copy with other values, validated again; raises `pydantic.ValidationError`."""
         return type(self).model_validate({**dict(self), **changes})
