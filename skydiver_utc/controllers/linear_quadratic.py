@@ -124,12 +124,16 @@ class LinearQuadraticController(LimitedController):
         self._nominal, self._about, self._plant, self._gains = _designed(settings, plant, outputs)
         self.preview_steps = settings.preview_steps(dt_s)
         super().__init__(plant)
+        self._xi = np.empty(len(self._about.state) + len(self._nominal))
+        self._z, self._u = np.split(self._xi, [len(self._about.state)])
         self._tracks = self._plant.outputs, self._gains.preview, self._limits
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """u_k = u_k-1 - K xi + F r, then the limits."""
-        z = self._about.reduce(state) - self._about.state
-        feedback = self._gains.feedback @ np.concatenate([z, self._previous - self._nominal])
+        z, u = self._z, self._u
+        np.subtract(self._about.reduce(state), self._about.state, out=z)
+        np.subtract(self._previous, self._nominal, out=u)
+        feedback = self._gains.feedback @ self._xi
         control, telemetry = np.empty(len(feedback)), np.empty(len(self.telemetry_names))
         status = _tracked(
             self._previous, feedback, preview, *self._tracks, self._plant.C @ z, control, telemetry

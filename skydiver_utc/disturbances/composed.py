@@ -41,7 +41,9 @@ class Composed(Disturbance):
     def wind(self, k: int) -> Array:
         """Velocity of the air (3,) in the world at step k [m/s]."""
         if k != self._step:
-            self._step, self._wind = k, sum((wind(k) for wind in self._winds), start=STILL_AIR)
+            self._step, self._wind = k, STILL_AIR
+            for wind in self._winds:
+                self._wind = self._wind + wind(k)
         return self._wind
 
     def state(self, k: int, state: Array) -> Array:
@@ -55,6 +57,8 @@ class Composed(Disturbance):
 
     def measurement(self, k: int, state: Array) -> Array:
         """The measured state (n,) at step k."""
+        if not self._measurements:
+            return self.over_ground(k, state)
         if self._measured is not None and self._measured[0] == k:
             return self._measured[2]
         over_ground = state = self.over_ground(k, state)

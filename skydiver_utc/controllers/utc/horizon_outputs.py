@@ -95,6 +95,8 @@ class HorizonOutputs:
 
     def differences(self, found: Array, columns: Indices) -> Array:
         """Differences (..., c) of these columns of Y, those of angles on the circle."""
+        if not len(self.angles):
+            return found
         turns = np.where(np.isin(columns, self.angles), np.round(found / (2.0 * np.pi)), 0.0)
         wrapped: Array = found - 2.0 * np.pi * turns
         return wrapped

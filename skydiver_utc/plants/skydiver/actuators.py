@@ -12,8 +12,8 @@ Array = NDArray[np.float64]
 
 
 @unfused
-def actuated(command: Array, before: Array, limits: Array, limbs: Array, reaction: bool) -> Array:
-    """The actuators' next state (5,), control and rate of alpha [rad/s], under a command (4,): eq:lim.
+def actuated(command: Array, before: Array, limits: Array, limbs: Array, reaction: bool, after: Array) -> None:
+    """Write the actuators' next state (5,), control and rate of alpha [rad/s], under a command (4,): eq:lim.
 
     limits (2, 4) of the control; limbs (3,): step [s], largest change of alpha in a step [rad], largest acceleration of
     alpha [rad/s2]; without reaction alpha has no inertia
@@ -21,14 +21,13 @@ def actuated(command: Array, before: Array, limits: Array, limbs: Array, reactio
     With it the rate changes evenly over the step, to the largest from which the rest can still be braked; the last
     steps halve the distance and then stop.
     """
-    after = np.empty(5)
     for c in range(4):
         after[c] = min(max(command[c], limits[0, c]), limits[1, c])
     target, alpha, rate = after[3], before[3], before[4]
     dt, slew, most = limbs[0], limbs[1], limbs[2]
     if not reaction:
         after[3], after[4] = min(max(target, alpha - slew), alpha + slew), 0.0
-        return after
+        return
     distance = target - alpha - 0.5 * dt * rate
     braking = most * (math.sqrt(0.25 * dt * dt + 2.0 * abs(distance) / most) - 0.5 * dt)
     wanted = math.copysign(min(braking, abs(distance) / dt, slew / dt), distance)
@@ -39,4 +38,3 @@ def actuated(command: Array, before: Array, limits: Array, limbs: Array, reactio
         reached = min(max(reached, low), high)
         rate_after = 2.0 * (reached - alpha) / dt - rate
     after[3], after[4] = reached, rate_after
-    return after

@@ -12,6 +12,7 @@ from skydiver_utc.body.movement import check_movement, movement
 from skydiver_utc.body.posture import configuration, joint_angle_names
 from skydiver_utc.body.segments import SEGMENTS, build_body, ellipsoids
 from skydiver_utc.body.urdf import urdf
+from skydiver_utc.jit import unfused
 from skydiver_utc.parameters import SkydiverSettings
 from skydiver_utc.parameters.skydiver import CONTROLS
 from skydiver_utc.plants.protocol import Model, Plant, Reduced, Shape
@@ -103,7 +104,9 @@ class SkydiverPlant(Plant):
 
     def actuate(self, command: Array, before: Array) -> Array:
         """The actuators' next state (5,) under a command (4,): bounds, then rates (eq:lim)."""
-        return actuated(command, before, *self._actuators)
+        after = np.empty(5)
+        actuated(command, before, *self._actuators, after)
+        return after
 
     def step_control(self, before: Array, applied: Array) -> Array:
         """The state of the actuators after and before a step (10,), or the control (4,) where limbs do not react."""
@@ -145,10 +148,9 @@ class SkydiverPlant(Plant):
 
     def fault(self, state: Array) -> str:
         """Empty while speed and body rate are those of a falling body."""
-        values = state.tolist()
-        speed, rate = math.hypot(*values[7:10]), math.hypot(*values[10:13])
-        if speed < LARGEST_SPEED_M_S and rate < LARGEST_RATE_RAD_S and math.isfinite(sum(values)):
+        if _falls(state):
             return ""
+        speed, rate = math.hypot(*state[7:10]), math.hypot(*state[10:13])
         return f"the state left the model (speed {speed:.3g} m/s, body rate {rate:.3g} rad/s)"
 
     def mishap(self, state: Array) -> str:
@@ -156,6 +158,16 @@ class SkydiverPlant(Plant):
         x, y = state[3:5].tolist()
         upright = not self._belly_to_earth or up_components(x, y, 0.0, 0.0)[2] >= 0.0
         return "" if upright else "the dorsal axis went below the horizon"
+
+
+@unfused
+def _falls(state: Array) -> bool:
+    finite = True
+    for value in state:
+        finite &= abs(value) < np.inf
+    vx, vy, vz, wx, wy, wz = state[7], state[8], state[9], state[10], state[11], state[12]
+    slow = vx * vx + vy * vy + vz * vz < LARGEST_SPEED_M_S**2
+    return finite and slow and wx * wx + wy * wy + wz * wz < LARGEST_RATE_RAD_S**2
 
 
 def _quaternion(heading_deg: float, pitch_deg: float, bank_deg: float) -> Array:
