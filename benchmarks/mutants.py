@@ -4,7 +4,8 @@
     python benchmarks/mutants.py --count 48 --seed 1
 
 A mutant survives if the tests of its room pass. The checkout stays as it is: mutants are made in a copy of it.
-Annotations and the fields of settings classes are left out: their numbers are data.
+Annotations and the fields of settings classes are left out: their numbers are data. So are the keywords of `zip` and
+`lru_cache`: `strict` is an assertion, and the size of a cache changes no result.
 """
 
 import ast
@@ -133,9 +134,12 @@ def mutants_of(room: str, file: Path) -> list[Mutant]:
 
 
 def _code(node: ast.AST) -> Iterator[ast.AST]:
-    """The nodes below one, without annotations and without the fields of classes."""
+    """The nodes below one, without annotations, the fields of classes, and keywords of `zip` and `lru_cache`."""
+    left_out = {"annotation", "returns", "decorator_list"}
+    if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("zip", "lru_cache"):
+        left_out.add("keywords")
     for name, value in ast.iter_fields(node):
-        if name in ("annotation", "returns", "decorator_list"):
+        if name in left_out:
             continue
         for child in value if isinstance(value, list) else [value]:
             field = isinstance(node, ast.ClassDef) and isinstance(child, ast.AnnAssign)
