@@ -135,8 +135,12 @@ def test_an_explanation_tells_which_control_moves_which_output():
     np.testing.assert_allclose(found.distance, [1.0, 0.1], atol=1e-12)
     np.testing.assert_allclose(found.unit, [0.01, 1.0])
     np.testing.assert_array_equal(found.clipped, [0, 3])
-    for name in ("u0", "u1", "y0", "y1"):
-        assert name in str(found)
+    head, *rows = [line.split() for line in str(found).splitlines()[1:6]]
+    assert head == ["control", "now", "minimum", "maximum", "deviation", "clipped", "->", "y0", "->", "y1"]
+    assert rows[0][:7] == ["u0", "0", "-1", "1", "0.2", "0", "0.16"]
+    assert [*rows[1][:6], rows[1][7]] == ["u1", "1", "-1", "1", "0.2", "3", "0.016"]
+    assert rows[2:] == [["sqrt(P_err)", "0.01", "1"], ["reference", "-", "predicted", "1", "0.1"]]
+    assert len({len(line) for line in str(found).splitlines()[1:6]}) == 1
     (hint,) = [hint for hint in found.hints if "P_err" in hint]
     assert "y1" in hint
     np.testing.assert_array_equal(drive.Pu, before)
@@ -148,7 +152,27 @@ def test_an_explanation_tells_which_control_moves_which_output():
     )
 
 
-def test_an_explanation_advises_a_longer_horizon():
-    drive = controller(cart, position, horizon=1)
-    (hint,) = [hint for hint in drive.explain([0.0, 0.0], 1.0).hints if "y0" in hint]
-    assert "longer horizon" in hint
+ADVICE = {
+    "short": ({"horizon": 1}, [0.0, 0.0], [("y0", "longer horizon"), ("u0", "nominal")]),
+    "frozen": (
+        {"plant": straight, "output": None, "control": [0.0, 0.3], "minimum": [-1, 0.3], "maximum": [1, 0.3]},
+        [0.0, 0.0],
+        [("y1", "longer horizon"), ("u1", "frozen")],
+    ),
+    "diverging": (
+        {"plant": lambda x, u, dt: x + dt * (u + x**3), "output": None, "control": [0.0, 0.0], "horizon": 30},
+        [1e3, 1e3],
+        [("5 sigma points", "shorter horizon")],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", ADVICE)
+@pytest.mark.filterwarnings("ignore")
+def test_an_explanation_advises(case):
+    changes, state, expected = ADVICE[case]
+    drive = controller(**changes)
+    hints = drive.explain(state, np.ones(len(drive.plant.output_names))).hints
+    assert len(hints) == len(expected)
+    for hint, words in zip(hints, expected, strict=True):
+        assert all(word in hint for word in words)
