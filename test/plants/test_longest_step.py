@@ -102,3 +102,17 @@ def test_the_fastest_damping_is_the_fastest_mode_of_the_fall() -> None:
     )
     assert fastest.name.startswith(found.axis)
     assert found.rate == pytest.approx(abs(fastest.eigenvalue), rel=0.01)
+
+
+@pytest.mark.parametrize("force", ["ventral", "dorsal"])
+def test_hands_that_pull_down_make_the_damping_faster(force: str) -> None:
+    """Damping goes with the speed, whose square goes with the force along the path."""
+    limits = {f"plant.limits.k_{side}": [-2.0, 2.0] for side in ("right", "left")}
+    level = {"plant.hands.force": force, "plant.initial.bank_deg": 0.0, "plant.initial.fall_speed_m_s": 1.0}
+    rates = []
+    for K_N in (0.0, 50.0):
+        plant = build_plant(load_scenario("bank_recovery", {**limits, **level, "plant.hands.K_N": K_N}))
+        assert isinstance(plant, SkydiverPlant)
+        rates.append(fastest_damping(plant.model, plant.initial_state(), 0.0).rate)
+    down = -world_up(plant.initial_state())[2] * plant.constants.mass * plant.constants.gravity
+    assert (rates[1] / rates[0]) ** 2 == pytest.approx(1.0 + 4.0 * 50.0 / abs(down), rel=0.01)

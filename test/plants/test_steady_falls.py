@@ -14,6 +14,7 @@ from skydiver_utc.parameters import ParameterError
 from skydiver_utc.plants.skydiver.linearise import linearise, tilt_axes, velocity_axes
 from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, INERTIA_AT
 from skydiver_utc.plants.skydiver.modes import modes
+from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall, steady_turn, straight_falls
 from skydiver_utc.plants.skydiver.yaw import steady_yaw_rates, yaw_acceleration
 
@@ -55,6 +56,7 @@ def test_a_small_deviation_flies_as_the_system_matrix_says(name):
     """The oracle's flight over 0.3 s from a small deviation in all eight states, against the matrix exponential."""
     model, (fall, _) = held(name)
     matrix = linearise(HeldBody(model, REST), fall)
+    assert abs(matrix[3, 6]) * fall.speed == pytest.approx(abs(fall.pitch_stiffness), rel=1e-4)
     deviation = 1e-5 * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 10.0, -10.0, 10.0])
     tilts, speeds = tilt_axes(fall.up), velocity_axes(fall)
     start = state_of(fall.up, fall.velocity + deviation[5:] @ speeds, deviation[2:5])
@@ -108,6 +110,13 @@ def test_modes_have_the_names_of_their_motions():
     assert found["yaw subsidence"].shares["yaw rate"] > 0.9
     assert sum(2 if mode.oscillates else 1 for mode in found.values()) == 8
     for mode in found.values():
+        assert mode.oscillates == ("oscillation" in mode.name)
+        omega = 2.0 * np.pi * mode.frequency
+        if mode.oscillates:
+            roots = np.roots([1.0, 2.0 * mode.damping_ratio * omega, omega**2])
+            np.testing.assert_allclose(roots[roots.imag > 0], [mode.eigenvalue], rtol=1e-9)
+        else:
+            assert (omega, mode.damping_ratio) == (0.0, 1.0)
         assert sum(mode.shares.values()) == pytest.approx(1.0)
 
 
@@ -116,6 +125,42 @@ def test_drag_is_odd_so_each_fall_has_an_unstable_reverse():
     np.testing.assert_allclose(reverse.velocity, -stable.velocity, atol=1e-6)
     np.testing.assert_allclose(reverse.up, -stable.up, atol=1e-6)
     assert stable.pitch_stiffness > 0 > reverse.pitch_stiffness
+
+
+def test_the_reduced_states_of_a_fall_are_its_tilt_rates_and_velocity():
+    """From any state and back, but for place and heading; of the straight fall belly to earth nothing accelerates."""
+    scenario = scenario_of("back_to_earth")
+    plant = SkydiverPlant(scenario.plant, scenario.dt_s)
+    at_rest, reduce, expand = plant.reduced(REST)
+    derivative = oracle_derivative(scenario, np.zeros(4))(expand(at_rest))
+    assert np.abs(derivative[7:]).max() < 1e-6
+    assert Rotation.from_quat(expand(at_rest)[3:7]).apply([0.0, 0.0, 1.0])[2] > 0.0
+    z = np.array([0.2, -0.3, 1.0, 2.0, 3.0, 4.0, 5.0, -6.0])
+    np.testing.assert_allclose(reduce(expand(z)), z, atol=1e-12)
+    np.testing.assert_array_equal(expand(z)[:3], np.zeros(3))
+
+
+def test_the_initial_state_is_that_of_the_settings():
+    angles = {"initial__heading_deg": 30.0, "initial__pitch_deg": 20.0, "initial__bank_deg": -10.0}
+    rates = {f"initial__{axis}_rate_deg_s": 10.0 * i for i, axis in enumerate(("roll", "pitch", "yaw"), 1)}
+    scenario = skydiver(initial__altitude_m=1234.0, initial__fall_speed_m_s=60.0, **angles, **rates)
+    plant = SkydiverPlant(scenario.plant, scenario.dt_s)
+    state, attitude = plant.initial_state(), Rotation.from_euler("ZYX", list(angles.values()), degrees=True)
+    np.testing.assert_array_equal(state[:3], [0.0, 0.0, 1234.0])
+    np.testing.assert_allclose(Rotation.from_quat(state[3:7]).as_matrix(), attitude.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(attitude.apply(state[7:10]), [0.0, 0.0, -60.0], atol=1e-9)
+    np.testing.assert_allclose(state[10:], np.deg2rad([10.0, 20.0, 30.0]))
+
+
+@pytest.mark.parametrize(
+    ("place", "largest"), [*((i, 500.0) for i in (7, 8, 9)), *((i, 200.0) for i in (10, 11, 12))]
+)
+def test_a_state_that_no_body_falls_with_is_a_fault(place, largest):
+    plant = SkydiverPlant(scenario_of("neutral").plant, 0.0042)
+    for size, wrong in ((0.99, False), (1.0, True), (-1.0, True), (np.nan, True)):
+        state = np.zeros(13)
+        state[6], state[place] = 1.0, size * largest
+        assert bool(plant.fault(state)) is wrong
 
 
 def test_a_crooked_posture_has_no_straight_fall():

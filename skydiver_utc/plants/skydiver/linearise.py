@@ -61,7 +61,7 @@ def control_effect(model: PlantModel, control: Array, fall: SteadyFall) -> Array
 
 def tilt_axes(up: Array) -> Array:
     """Two unit axes (2, 3) across `up`: of a tilt to the side and of a tilt in pitch (the latter nearest to y)."""
-    nearest = np.array([0.0, 1.0, 0.0]) if abs(up[1]) < 0.9 else np.array([0.0, 0.0, 1.0])
+    nearest = np.eye(3)[1 if abs(up[1]) < 0.9 else 2]
     pitch = nearest - (nearest @ up) * up
     pitch /= np.linalg.norm(pitch)
     return np.array([np.cross(pitch, up), pitch])

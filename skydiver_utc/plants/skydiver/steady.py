@@ -58,7 +58,7 @@ class HeldBody:
     def _accelerations(self, state: Array) -> Array:
         derivative = np.empty(STATE_SIZE)
         state_derivative(self.model, self._geometry, self._inverse, self.control, state, derivative)
-        return derivative[7:13]
+        return derivative[7:]
 
 
 def straight_down(speed: float, pitch: float) -> Array:
