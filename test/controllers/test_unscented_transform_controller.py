@@ -238,6 +238,8 @@ def test_the_rate_limit_counts_per_unit_of_time():
     assert result.status is Status.SATURATED
     assert "control 0" in result.sentence
     assert "rate" in result.sentence
+    for reference, bound in ((100.0, "maximum 1"), (-100.0, "minimum -1")):
+        assert f"control 0 is on its {bound}" in controller().step([0.0, 0.0], reference).sentence
 
 
 @pytest.mark.parametrize("forms", ["numpy", "numbers"])

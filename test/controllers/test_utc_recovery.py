@@ -209,8 +209,11 @@ def test_after_a_step_without_an_answer_the_next_begins_from_the_initial_covaria
 @pytest.mark.parametrize("where", ["state", "reference"])
 def test_a_state_or_reference_that_is_not_finite_keeps_control_and_covariance(where, bad):
     drive = controller()
+    arguments = ([0.0, bad], 0.02) if where == "state" else ([0.0, 0.0], bad)
+    first = drive.step(*arguments)
+    np.testing.assert_array_equal([first.control, first.predicted, first.innovation], np.zeros((3, 1)))
     before = drive.step([0.0, 0.0], 0.02)
-    result = drive.step([0.0, bad], 0.02) if where == "state" else drive.step([0.0, 0.0], bad)
+    result = drive.step(*arguments)
     assert_usable(result)
     assert (result.status, result.recovery) == (Status.KEPT_PREVIOUS, Recovery.NONE)
     np.testing.assert_array_equal(result.control, before.control)

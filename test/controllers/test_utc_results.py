@@ -160,6 +160,17 @@ def test_an_output_offset_survives_a_state_that_is_lost():
             np.testing.assert_allclose(result.of_control, result.outputs[0], atol=1e-9)
 
 
+def test_an_output_offset_is_the_error_of_the_model_over_the_horizon():
+    """A control frozen at 0.4, which in truth moves the output by a quarter more: 0.01 in each step."""
+    drive = controller(
+        straight, None, state=[0.0], control=0.4, minimum=0.4, maximum=0.4, horizon=(2, 5), offset_share=1.0
+    )
+    for k in range(9):
+        result = drive.step([0.05 * k], 0.5)
+        offset = [0.02, 0.05] if k > 4 else [0.0, 0.0]
+        np.testing.assert_allclose(result.of_control - result.outputs[0], offset, atol=1e-12)
+
+
 def test_a_controller_that_is_reset_repeats_its_first_steps():
     """The output's offset, the warm start and the covariance are forgotten."""
     drive = controller(tank, None, state=[1.0], control=0.4, maximum=2.0, horizon=4, offset_share=0.5)

@@ -159,7 +159,7 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
             outputs[i, L - nominal.shape[0] + k] = saved[i, nominal[k]]
     left, alive = np.empty(weights.shape[0]), law.alive
     lost = weights_left(weights, outputs, saved, left, alive)
-    law.events[0], law.events[1], law.events[2] = _KEPT_PREVIOUS, _NONE, lost
+    law.events[0], law.events[2] = _KEPT_PREVIOUS, lost
     narrow = law.spread[0] < 1.0
     law.spread[0] = next_spread(law.spread[0], alive, lost)
     if lost == outputs.shape[0]:

@@ -31,7 +31,7 @@ def weights_left(weights: Array, outputs: Array, saved: Array, left: Array, surv
         for c in range(saved.shape[1]):
             alive = alive and abs(saved[i, c]) <= _LARGEST_OUTPUT
         total += weights[i]
-        left[i] = survived[i] = 1.0 if alive else 0.0
+        left[i] = survived[i] = alive
         if alive:
             remaining += weights[i]
         else:
