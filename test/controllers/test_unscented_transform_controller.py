@@ -316,7 +316,7 @@ def test_what_cannot_be_used_is_named_in_one_sentence(changes, named):
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (([0.0], 0.1), "state"),
+        (([0.0], 0.1), r"state has shape \(1,\)"),
         ((["x", 0.0], 0.1), "state"),
         (([0.0, 1j], 0.1), "state"),
         (([0.0, 0.0], [0.1, 0.2, 0.3]), "reference"),

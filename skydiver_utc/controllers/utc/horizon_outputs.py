@@ -51,7 +51,7 @@ class HorizonOutputs:
     @property
     def of_tracked(self) -> Indices:
         """Indices (T, l) of the tracked outputs in Y."""
-        indices: Indices = np.arange(self.size).reshape(self._steps, -1)[:, : len(self.tracked)]
+        indices: Indices = np.arange(self.size).reshape(self._steps, len(self.names))[:, : len(self.tracked)]
         return indices
 
     @property
@@ -90,7 +90,7 @@ class HorizonOutputs:
             return np.zeros((self._steps, len(self.names)))
         found = np.sqrt(self._weight_beside * np.mean(np.square(beside[alive]), axis=0))
         found[found <= _ROUNDING * np.abs(outputs[0])] = 0.0
-        spread: Array = found.reshape(self._steps, -1)
+        spread: Array = found.reshape(self._steps, len(self.names))
         return spread
 
     def differences(self, found: Array, columns: Indices) -> Array:

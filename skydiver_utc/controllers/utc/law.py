@@ -171,7 +171,7 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
     weighted_mean(outputs, left, Y)
     following, C_y, K = np.empty((m, m)), np.empty((L, L)), law.gain
     e, at, beside = np.empty(L), np.empty(L), np.empty(m)
-    found, recovery, unmoved = False, _NONE, False
+    found = False
     for attempt in range(3):
         if found or (attempt == _ABOUT_CENTRE and not left[0] < 0.0):
             continue
