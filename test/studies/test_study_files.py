@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from child_processes import children
-from command_line import PATIENCE_S, call, invoke, start
+from command_line import PATIENCE_S, invoke, start
 from matplotlib.image import imread
 from runs import CART
 
@@ -269,12 +269,6 @@ class TestProcesses:
     def path(self, tmp_path: Path) -> Path:
         return study_file(tmp_path, runs=100, set={"duration_s": 200.0})
 
-    def test_two_workers_have_the_numbers_of_one(self, tmp_path: Path) -> None:
-        path = study_file(tmp_path)
-        assert invoke("study", "run", path, "--out", tmp_path / "1", "--workers", 1).exit_code == 0
-        assert call("study", "run", path, "--out", tmp_path / "2", "--workers", 2)[0] == 0
-        assert rows(tmp_path / "1") == rows(tmp_path / "2")
-
     @pytest.mark.parametrize("victim", ["worker", "parent", "Ctrl-C"])
     def test_a_killed_process_loses_no_finished_run(self, path: Path, tmp_path: Path, victim: str) -> None:
         process = start("study", "run", path, "--out", tmp_path, "--workers", 2)
@@ -295,8 +289,11 @@ class TestProcesses:
         kept = rows(tmp_path)
         assert 3 <= len(kept) < 200
         path.write_text(path.read_text(encoding="utf-8").replace("runs: 100", "runs: 4"), encoding="utf-8")
-        assert invoke("study", "run", path, "--out", tmp_path, "--workers", 1).exit_code == 0
-        assert kept.items() <= rows(tmp_path).items()
+        for out in (tmp_path, tmp_path / "alone"):
+            assert invoke("study", "run", path, "--out", out, "--workers", 1).exit_code == 0
+        resumed, alone = rows(tmp_path), rows(tmp_path / "alone")
+        assert kept.items() <= resumed.items()
+        assert alone == {number: resumed[number] for number in alone}  # of two workers, and of one
 
     def test_a_cluster_flies_the_same_and_its_worker_and_scheduler_may_be_killed(
         self, path: Path, tmp_path: Path

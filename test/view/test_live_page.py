@@ -2,14 +2,13 @@
 """The page of a flight in a browser: it draws, it obeys, and it asks nobody outside this machine."""
 
 import re
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from command_line import invoke
 
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import load_scenario, override
@@ -118,6 +117,7 @@ def test_a_live_flight_is_drawn_and_obeys(open_page):
         assert shown.outside == []
         assert page.server.get_host() == "127.0.0.1"
         assert browser.get_by_text("Share", exact=True).count() == 0
+        browser.close()  # an open page is drawn on and on
 
 
 def test_a_refused_value_is_named_and_its_control_goes_back():
@@ -148,24 +148,17 @@ def test_recorded_runs_play_side_by_side_on_a_phone(open_page):
         assert shown.page.locator("img[src='x']").count() == 0
         assert shown.errors == []
         assert shown.outside == []
+        shown.page.close()
 
 
-def test_the_command_says_its_address_once():
-    command = [
-        sys.executable,
-        "-m",
-        "skydiver_utc",
-        "view",
-        "--live",
-        "slow_turn_pose_only",
-        "--port",
-        "8199",
-    ]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
-        line = next(line for line in process.stderr if "http" in line)
-        process.send_signal(2)
-        out, rest = process.communicate(timeout=60)
-    assert re.search(r"http://127\.0\.0\.1:\d+", line)
-    assert "http" not in out + rest
-    assert process.returncode == 0
+def test_the_command_says_its_address_once_and_ends_with_ctrl_c(monkeypatch, capfd):
+    def interrupted(page):
+        page.stop()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Page, "run", interrupted)
+    result = invoke("view", "--live", "slow_turn_pose_only", "--port", 8199)
+    assert result.exit_code == 0
+    printed = result.output + "".join(capfd.readouterr())
+    assert len(re.findall("http", printed)) == 1
+    assert re.search(r"http://127\.0\.0\.1:\d+", result.stderr)

@@ -254,3 +254,4 @@ def test_nothing_in_a_run_becomes_html_or_script(open_page: OpenPage, tmp_path: 
         opened.page.keyboard.press("Space")  # without a body it plays, too
         opened.page.wait_for_function(f"parseFloat({CURSOR}) > 0")
         assert (opened.errors, opened.outside) == ([], [])
+        opened.page.close()

@@ -107,23 +107,13 @@ def test_a_sum_with_a_csv_file_beside_the_scenario(ros: Ros, tmp_path: Path) -> 
     assert stage.wanted(0, 1)[0, 0] == 1.0
 
 
-def test_one_that_comes_into_a_run_publishes_the_chunk_of_the_clock(stage: Stage) -> None:
+def test_the_chunk_is_that_of_the_clock_which_may_repeat_itself_or_begin_again(stage: Stage) -> None:
+    stage.tick(33)  # it comes into a run
+    assert stage.first_steps() == [0, 20]
     stage.tick(33)
-    assert stage.first_steps()[-1] == 20
-
-
-def test_a_repeated_clock_repeats_its_chunk(stage: Stage) -> None:
-    stage.tick(5)
-    before = len(stage.previews)
-    stage.tick(5)
-    stage.ros.spin_until(lambda: len(stage.previews) == before + 1)
-    assert stage.first_steps()[-2:] == [0, 0]
-
-
-def test_a_clock_that_goes_back_begins_a_new_run(stage: Stage) -> None:
-    stage.tick(45)
+    stage.ros.spin_until(lambda: stage.first_steps() == [0, 20, 20])
     stage.tick(0)
-    assert stage.first_steps()[-2:] == [40, 0]
+    stage.ros.spin_until(lambda: stage.first_steps() == [0, 20, 20, 0])
 
 
 def test_a_clock_off_the_grid_is_counted(stage: Stage) -> None:
