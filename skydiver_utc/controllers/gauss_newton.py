@@ -135,9 +135,13 @@ class GaussNewtonController:
 
 
 def _of_controls(cost: HorizonCost, blocks: int) -> tuple[Array, Array, Array]:
-    """What the cost adds to H (n, n), takes from g (n,), and, times the applied control, from its first entries (m,)."""
+    """The cost of controls in H (n, n) and g (n,), and of the first change, by the applied control, in g (m,)."""
     m, control, change = len(cost.nominal), cost.control / blocks, cost.change / blocks
     diagonal = np.tile(control + 2.0 * change, blocks)
     diagonal[-m:] -= change
     of_neighbours = np.diag(np.tile(change, blocks - 1), m)
-    return np.diag(diagonal) - of_neighbours - of_neighbours.T, np.tile(control * cost.nominal, blocks), change
+    return (
+        np.diag(diagonal) - of_neighbours - of_neighbours.T,
+        np.tile(control * cost.nominal, blocks),
+        change,
+    )

@@ -12,7 +12,9 @@ Array = NDArray[np.float64]
 
 
 @unfused
-def actuated(command: Array, before: Array, limits: Array, limbs: Array, reaction: bool, after: Array) -> None:
+def actuated(
+    command: Array, before: Array, limits: Array, limbs: Array, reaction: bool, after: Array
+) -> None:
     """Write the actuators' next state (5,), control and rate of alpha [rad/s], under a command (4,): eq:lim.
 
     limits (2, 4) of the control; limbs (3,): step [s], largest change of alpha in a step [rad], largest acceleration of
