@@ -183,11 +183,6 @@ def test_a_controller_that_is_reset_repeats_its_first_steps():
     assert flown[0] == flown[1]
 
 
-def test_angles_are_names_of_outputs():
-    with pytest.raises(ValueError, match=r"angles.*heading"):
-        controller(straight, first, angles=("heading",))
-
-
 def tank(x, u, dt, pump=1.0):
     """A level under a pump and an outflow that goes with its root."""
     return x + dt * (pump * u - 0.4 * np.sqrt(np.maximum(x, 0.0)))

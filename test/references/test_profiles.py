@@ -185,18 +185,6 @@ def test_a_period_of_less_than_ten_steps_is_refused(fast):
     build_reference(scenario(fast.replace("11", "10").replace("0.09", "0.1")))
 
 
-def test_utc_tracks_one_on_a_linear_plant():
-    """A third of the plant's acceleration is asked for, so that it is tracked after the horizon of .1 s."""
-    run = simulate(
-        override(
-            scenario("kind: chirp, amplitude: 0.5, from_hz: 0.1, to_hz: 0.3, duration_s: 10"),
-            {"duration_s": 10.0},
-        )
-    )
-    assert np.abs(run.error[200:]).max() < 0.05
-    assert np.abs(run.reference).max() == pytest.approx(0.5, rel=1e-3)
-
-
 def test_a_skydiver_and_a_plant_of_one_s_own_take_the_same_line():
     for name, output in (("slow_turn_pose_only", "yaw_rate"), (str(PENDULUM), "angle")):
         line = {"kind": "doublet", "output": output, "amplitude": 0.2, "hold_s": 0.05, "rise_s": 0.01}
