@@ -46,6 +46,7 @@ def test_a_loop_begins_again_at_its_start() -> None:
 def test_a_start_beyond_the_end_is_refused() -> None:
     with pytest.raises(RecordingError, match="start"):
         Playback(TIMES_NS, 1.0, 1.1, False)
+    assert Playback(TIMES_NS, 1.0, 1.0, False).first == 6
 
 
 def test_messages_of_one_time_keep_the_order_of_the_bag(tmp_path: Path) -> None:

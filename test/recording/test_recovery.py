@@ -251,6 +251,10 @@ def test_a_bag_of_two_files_becomes_one(whole: Path, tmp_path: Path) -> None:
     recover(tmp_path / "run", tmp_path / "recovered")
     for name, topic in read_bag(tmp_path / "recovered").items():
         assert topic.cdr == 2 * [row.cdr for row in rows() if row.topic == name]
+    (tmp_path / "link").symlink_to("nowhere")
+    for name in ("recovered", "link"):
+        with pytest.raises(RecordingError, match="exists already"):
+            recover(tmp_path / "run", tmp_path / name)
 
 
 def own_bag(folder: Path) -> Path:

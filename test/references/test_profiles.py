@@ -56,8 +56,8 @@ SINES = {
     "kind: rotation, angle_deg: 180, duration_s: 4, start_s: 1": np.where(
         (TIME > 1) & (TIME < 5), np.pi / 4 * (1 - np.cos(np.pi / 2 * (TIME - 1))), 0
     ),
-    # Of one sine, whose amplitude is positive with the seed 0.
-    "kind: random, amplitude: 3, to_hz: 0.5, period_s: 2": 3 * np.sin(np.pi * TIME),
+    # Of one sine, as nine digits of a number of periods count; its amplitude is positive with the seed 0.
+    "kind: random, amplitude: 3, to_hz: 0.4999999999, period_s: 2": 3 * np.sin(np.pi * TIME),
 }
 RANDOM = "kind: random, amplitude: 3, from_hz: 0.2, to_hz: 1, period_s: 20"
 
@@ -156,7 +156,7 @@ def test_previews_do_not_depend_on_how_much_was_asked_before():
         ("kind: chirp, amplitude: 1, from_hz: 0, to_hz: 1, duration_s: 0", ["reference.duration_s"]),
         ("kind: random, amplitude: 1, to_hz: 0.001", ["from_hz", "to_hz", "period_s"]),
         ("kind: random, amplitude: 1, from_hz: 2, to_hz: 1", ["from_hz", "to_hz", "period_s"]),
-        ("kind: random, amplitude: 1, to_hz: 100, period_s: 100", ["from_hz", "to_hz", "period_s"]),
+        ("kind: random, amplitude: 1, to_hz: 10.01, period_s: 100", ["from_hz", "to_hz", "period_s"]),
         ("kind: random, amplitude: 1, to_hz: 1, seed: 1.5", ["reference.seed", "whole number"]),
         ("kind: points, points: []", ["points", "at least one"]),
         ("kind: points, points: [[1, 0], [1, 2]]", ["points", "time"]),

@@ -38,11 +38,12 @@ def test_the_root_of_a_covariance_is_scipys_of_the_repaired_matrix(seed):
     np.testing.assert_allclose(1e10 * smaller, root, atol=1e-12)
 
 
-def test_variances_of_zero_become_the_floor():
-    given, root = np.diag([0.0, 0.0, 4.0]), np.empty((3, 3))
-    assert symmetric_root(given, 0.25, root) == 0.5
-    np.testing.assert_array_equal(given, np.diag([0.25, 0.25, 4.0]))
-    np.testing.assert_array_equal(root, np.diag([0.5, 0.5, 2.0]))
+@pytest.mark.parametrize(("variances", "lifted"), [([0.0, 0.0, 4.0], 0.5), ([0.0, 0.0, 0.0], 0.75)])
+def test_variances_of_zero_become_the_floor(variances, lifted):
+    given, root = np.diag(variances), np.empty((3, 3))
+    assert symmetric_root(given, 0.25, root) == lifted
+    np.testing.assert_array_equal(given, np.diag(np.maximum(variances, 0.25)))
+    np.testing.assert_array_equal(root, np.sqrt(given))
 
 
 @pytest.mark.parametrize(("m", "l"), [(1, 1), (2, 4), (3, 2)])
