@@ -81,7 +81,7 @@ def write_examples() -> None:
 
 
 def arguments(gallery_conf: object, script: dict[str, str]) -> list[str]:
-    """The plants' scripts draw their figure where they are told to; the features' have no figure."""
+    """The plants' scripts draw their figure where `--figure` says; the features' have no figure."""
     figure = EXAMPLES / "figure.png"
     return [] if "features" in script["src_file"] else ["--figure", str(figure)]
 

@@ -50,7 +50,7 @@ class PlantSteps:
         self._lagged = self.control
         self.pushed: Array | None = None
         self._push: Array | None = None  # for the next step
-        self._goes_back = False
+        self._resets = False
         self._monitor = OutcomeMonitor(self._scenario, self.plant)
         self.readings: list[Reading] | None = None
         if self.sensors is not None:
@@ -71,9 +71,9 @@ class PlantSteps:
         state = self.plant.step(self.state, before, self.applied)
         self.k += 1
         state = self.disturbance.state(self.k, state)
-        if self._goes_back:
+        if self._resets:
             self.push(self.plant.initial_state() - state)
-        self.pushed, self._push, self._goes_back = self._push, None, False
+        self.pushed, self._push, self._resets = self._push, None, False
         if self.pushed is not None:
             state = state + self.pushed
         self.state = state
@@ -84,9 +84,9 @@ class PlantSteps:
         """Add to the state (n,) at the next step."""
         self._push = change if self._push is None else self._push + change
 
-    def go_back(self) -> None:
-        """To the initial state at the next step; time, actuators and measurements go on."""
-        self._goes_back = True
+    def reset_state(self) -> None:
+        """Reset the state (n,) at the next step; time, actuators and what estimates or controls go on."""
+        self._push, self._resets = None, True
 
     def _read_sensors(self, before: Array) -> None:
         if self.sensors is not None:

@@ -21,7 +21,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Empty
+from std_srvs.srv import Trigger
 
 from skydiver_utc.loop.build import build_reference, build_true_plant
 from skydiver_utc.loop.tuned_scenario import plain
@@ -58,7 +58,7 @@ class ObservedRun:
         self._begun = False
         self._pushes = self._node.create_publisher(topics.PUSH.type, topics.PUSH.name, topics.PUSH.qos)
         self._parameters = AsyncParameterClient(self._node, topics.CONTROLLER)
-        self._resets = self._node.create_client(Empty, topics.RESET_SERVICE)
+        self._resets = self._node.create_client(Trigger, topics.RESET_SERVICE)
         self._lifecycle = self._node.create_client(ChangeState, f"{topics.PLANT}/change_state")
         self._subscribe(topics.SCENARIO, self._on_scenario)
         self._subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
@@ -93,8 +93,10 @@ class ObservedRun:
         self._pushes.publish(fill_named(JointState(name=list(change)), np.array(list(change.values()))))
 
     def reset(self) -> None:
-        """Put the plant back to its initial state at its next step."""
-        self._answer(self._resets.call_async(Empty.Request()), self._resets.service_is_ready())
+        """Reset the plant's state at its next step. Raises `ParameterError` where the plant refuses."""
+        answer = self._answer(self._resets.call_async(Trigger.Request()), self._resets.service_is_ready())
+        if not answer.success:
+            raise ParameterError(answer.message)
 
     def pause(self, paused: bool) -> None:
         """Let the run stand between two steps, or go on. Raises `ParameterError` where the plant refuses."""
@@ -136,7 +138,7 @@ class ObservedRun:
             return
 
     def _subscribe(self, topic: topics.Topic, receive: Callable[[Any], None]) -> None:
-        """The newest message counts: nobody waits for a page."""
+        """The newest message counts: no publisher waits for a page."""
 
         def callback(message: Any) -> None:
             try:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from rclpy.timer import Timer
 from std_msgs.msg import String
-from std_srvs.srv import Empty
+from std_srvs.srv import Trigger
 
 from skydiver_utc.errors import FAILED
 from skydiver_utc.loop.outcome import REACHED_THE_END, Outcome
@@ -63,7 +63,7 @@ class PlantNode(ScenarioNode):
         self._commands = self.subscribe(topics.COMMAND, self.on_command, qos)
         self.subscribe(topics.RECORDER_READY, self.on_recorder_ready)
         self.subscribe(topics.PUSH, self.on_push)
-        self.create_service(Empty, topics.RESET_SERVICE, self.on_reset)
+        self.create_service(Trigger, topics.RESET_SERVICE, self.on_reset)
 
     def configure(self) -> None:
         """Go to the scenario's beginning, under a new id of the run."""
@@ -134,9 +134,13 @@ class PlantNode(ScenarioNode):
         change[[states.index(name) for name in message.name]] = read_named(message, message.name)
         self._run.push(change)
 
-    def on_reset(self, _: Empty.Request, response: Empty.Response) -> Empty.Response:
-        """Put the plant back to its initial state at the next step of a run that goes on."""
-        self._run.go_back()
+    def on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Reset the state at the next step of a run that has begun and not ended."""
+        response.success = self.k >= 0 and not self.done
+        if response.success:
+            self._run.reset_state()
+        else:
+            response.message = "no run goes on: start one, then reset its state"
         return response
 
     def on_command(self, message: Any) -> None:

@@ -104,7 +104,7 @@ LOGS = Topic("/rosout", Log, LOG)
 PARAMETER_EVENTS = Topic("/parameter_events", ParameterEvent, EACH_STEP)
 STICK = Topic("stick", TwistStamped, EACH_AS_IT_COMES)
 
-# Puts the plant back to its initial state.
+# Resets the plant to its initial state.
 RESET_SERVICE = f"{PLANT}/reset"
 
 # In causal order within one step: messages of one instant are recorded in this order.

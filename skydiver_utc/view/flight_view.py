@@ -11,7 +11,7 @@ from skydiver_utc.analysis.style import GREEN, PINK, SKY, VERMILLION, rgb
 from skydiver_utc.plants.protocol import FORCE_M_PER_N, Plant
 from skydiver_utc.view.charts import Ahead, Charts
 from skydiver_utc.view.live_signals import Instant, Signals
-from skydiver_utc.view.scene import PlantShapes
+from skydiver_utc.view.scene import PlantShapes, as_light
 
 if TYPE_CHECKING:  # it is imported only where a page is shown
     from viser import ViserServer
@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 _GHOST, _FORCE, _WIND, _PATH = rgb(SKY), rgb(VERMILLION), rgb(GREEN), rgb(PINK)
 _M_PER_M_S = 0.1  # of the arrow of a wind
 _PATH_S = 10.0  # how far the path looks back
+_JUMP_M = 2.0  # beyond twice its way at the present speed a body was put elsewhere
 _WIND_FROM = np.array([0.0, 0.0, 0.8])
 
 
@@ -63,7 +64,7 @@ class FlightView:
         self._path: deque[tuple[float, Array]] = deque()
         self._charts: Charts | None = None
         self._server = server
-        scene, nothing = server.scene, np.zeros((0, 2, 3))
+        scene, nothing, arrows = server.scene, np.zeros((0, 2, 3)), as_light([_FORCE, _WIND])
         self._body = self._ghost = None
         if flight.plant.shapes:
             self._body = PlantShapes(scene, flight.plant, f"{node}/body")
@@ -72,9 +73,9 @@ class FlightView:
             f"{node}/spread", np.zeros((0, 3)), colors=_GHOST, point_size=0.02
         )
         self._forces = scene.add_arrows(
-            f"{node}/forces", nothing, _FORCE, shaft_radius=0.008, head_radius=0.02, head_length=0.05
+            f"{node}/forces", nothing, arrows[0], shaft_radius=0.008, head_radius=0.02, head_length=0.05
         )
-        self._wind = scene.add_arrows(f"{node}/wind", nothing, _WIND)
+        self._wind = scene.add_arrows(f"{node}/wind", nothing, arrows[1])
         self._line = scene.add_line_segments(f"{node}/path", nothing, colors=_PATH, thickness=0.015)
 
     def add_charts(self, span: tuple[float, float] | None = None) -> None:
@@ -88,7 +89,9 @@ class FlightView:
             poses = plant.shape_poses(now.state, now.applied)
             self._origin = (now.state[:3] if self._follows else np.zeros(3)) - self._place
             self._body.show(poses, self._origin)
-            self._draw_path(now.time_s, now.state[:3] if self._follows else poses[0, :3])
+            position = now.state[:3] if self._follows else poses[0, :3]
+            speed = float(np.linalg.norm(now.state[7:10])) if self._follows else np.inf
+            self._draw_path(now.time_s, position, speed)
             forces = plant.shape_forces(now.state, now.applied) if self.shown["forces"] else np.empty((0, 3))
             tails = poses[: len(forces), :3] - self._origin
             self._forces.points = _segments(tails, tails + FORCE_M_PER_N * forces)
@@ -131,11 +134,16 @@ class FlightView:
         ]
         self._spread.points = np.concatenate([np.empty((0, 3)), *points]).astype(np.float32)
 
-    def _draw_path(self, time_s: float, position: Array) -> None:
-        """The last positions, as seen by somebody who falls as fast as the body did in their mean."""
+    def _draw_path(self, time_s: float, position: Array, speed: float) -> None:
+        """The last positions, as seen by somebody who falls as fast as the body did in their mean.
+
+        A reset begins another path.
+        """
         path = self._path
-        if path and time_s < path[-1][0]:
-            path.clear()
+        if path:
+            since_s = time_s - path[-1][0]
+            if since_s < 0.0 or np.linalg.norm(position - path[-1][1]) > _JUMP_M + 2.0 * speed * since_s:
+                path.clear()
         if not path or time_s > path[-1][0] + 0.02:
             path.append((time_s, position.copy()))
         while path and time_s - path[0][0] > _PATH_S:

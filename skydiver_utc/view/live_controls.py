@@ -30,14 +30,14 @@ class ChangedFlight(Flight, Protocol):
         """Change one state at the next step."""
 
     def reset(self) -> None:
-        """Begin again. Raises `ParameterError`."""
+        """Put the body back to its initial state. Raises `ParameterError`."""
 
     def pause(self, paused: bool) -> None:
         """The page stands still, or goes on. Raises `ParameterError` where the flight does not."""
 
 
 class LivePage(Page):
-    """A flight with its settings, gusts, pushes and a new beginning; handles: the controls of settings, by name."""
+    """A flight with its settings, gusts, pushes and reset; handles: the controls of settings, by name."""
 
     def __init__(self, flight: ChangedFlight, port: int = 8080) -> None:
         self.flight, self.handles = flight, dict[str, Any]()

@@ -84,10 +84,10 @@ class RosFlight:
         self.gusts.blow(self._node.k)
 
     def reset(self) -> None:
-        """Put the body back to its initial state; the run goes on. Raises `ParameterError` without an answer."""
+        """Reset the body's state; the run goes on. Raises `ParameterError` where the plant refuses."""
+        self._node.reset()
         self.gusts.reset()
         self._gust = STILL_AIR
-        self._node.reset()
 
     def push(self, name: str, by: float) -> None:
         """Change one state at the plant's next step."""

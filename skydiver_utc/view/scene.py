@@ -64,7 +64,7 @@ class PlantShapes:
             np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
             np.zeros((count, 3)),
             batched_scales=np.array([shape.half_axes for shape in plant.shapes]),
-            batched_colors=_linear([colour or colour_of(shape.name) for shape in plant.shapes]),
+            batched_colors=as_light([colour or colour_of(shape.name) for shape in plant.shapes]),
             opacity=None if opacity == 1.0 else opacity,
             lod="off",
         )
@@ -80,8 +80,8 @@ def colour_of(name: str) -> Colour:
     return {"left": LEFT, "right": RIGHT}.get(name.partition("_")[0], MIDDLE)
 
 
-def _linear(colours: Sequence[Colour]) -> NDArray[np.uint8]:
-    """The colours (S, 3) as light: a batch of meshes, other than a single one, shows them that way."""
+def as_light(colours: Sequence[Colour]) -> NDArray[np.uint8]:
+    """The colours (S, 3) as light: batches of meshes and arrows, other than single meshes, show them that way."""
     return np.rint(255.0 * (np.array(colours) / 255.0) ** 2.2).astype(np.uint8)
 
 

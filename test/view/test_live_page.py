@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a flight in a browser: it draws, it obeys, and it asks nobody outside this machine."""
+"""The page of a flight in a browser: it draws, changes as users ask, and makes no request to another machine."""
 
 import re
 import threading
@@ -63,7 +63,7 @@ def wait(shown, condition) -> None:
     raise AssertionError("the condition did not come true")
 
 
-def test_a_live_flight_is_drawn_and_obeys(open_page):
+def test_a_live_flight_is_drawn_and_changed(open_page):
     flight = LiveFlight(load_scenario("fast_turn_unknown_dynamics", {"title": SCRIPT, "name": SCRIPT}))
     flight.advance(1.0)
     with served(LivePage(flight, port=8190)) as page:

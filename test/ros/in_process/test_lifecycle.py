@@ -11,6 +11,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
 from own_slots import cart_file
 from ros_fixtures import JOINT_STATE, Ros
+from std_srvs.srv import Trigger
 
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.outcome import Outcome
@@ -110,6 +111,7 @@ def test_nodes_that_are_managed_run_twice_in_whatever_order(ros: Ros, tmp_path: 
         assert not managers["plant"].transition(ACTIVATE)
         for transition in (DEACTIVATE, CLEANUP):
             assert all(manager.transition(transition) for manager in managers.values())
+        assert not managers["plant"].call("reset", Trigger).success
     assert len(run_ids) == 2
     assert not any(node.finished for node in nodes.values())
 
