@@ -192,14 +192,20 @@ def test_decide_is_step_in_the_slot_of_a_controller():
     law = UtcSettings(horizon_steps=8)
     slot, library = (UnscentedTransformController(law, plant, ("x0", "x1")[:0], 0.1, 0) for _ in range(2))
     preview = np.linspace([0.0, 0.0], [0.5, 0.1], slot.preview_steps + 1)
-    for k in range(5):
-        decision, result = (
-            slot.decide(np.array([0.1 * k, 0.0]), preview),
-            library.step([0.1 * k, 0.0], preview),
-        )
+    for place in (0.0, 0.1, np.nan, 0.3):
+        decision, result = slot.decide(np.array([place, 0.0]), preview), library.step([place, 0.0], preview)
         np.testing.assert_array_equal(decision.control, result.control)
         assert decision.status is result.status
-        assert len(decision.telemetry) == len(slot.telemetry_names)
+        told = [
+            *result.predicted,
+            *result.innovation,
+            *result.deviations,
+            result.repaired,
+            result.recovery,
+            result.lost,
+        ]
+        np.testing.assert_array_equal(decision.telemetry, told)
+        assert len(told) == len(slot.telemetry_names)
 
 
 def test_reset_and_start_from_another_control_and_covariance():

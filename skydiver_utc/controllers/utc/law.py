@@ -292,8 +292,8 @@ def _covariances(
     mean_U, mean_Y = U, Y
     if about_centre:
         mean_U, mean_Y = saved[0], outputs[0]
-    for a in range(Pu.shape[0]):
-        for b in range(Pu.shape[0]):
+    for a in range(len(Pu)):
+        for b in range(len(Pu)):
             Pu[a, b] = Qu[a, b]
         for k in range(C_y.shape[0]):
             C_uy[a, k] = 0.0
