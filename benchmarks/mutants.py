@@ -41,6 +41,7 @@ TESTS = {
         "controllers/test_utc_against_paper.py controllers/test_utc_results.py controllers/test_utc_recovery.py"
         " controllers/test_utc_between_steps.py controllers/test_utc_beyond_the_paper.py"
         " controllers/test_utc_user_functions.py controllers/test_unscented_transform_controller.py"
+        " controllers/test_utc_on_other_plants.py"
     ),
     "plants/skydiver": (
         "plants/test_plant_against_transcription.py plants/test_moving_limbs.py plants/test_steady_falls.py"

@@ -386,7 +386,7 @@ def test_split_bag(tmp_path):
     assert topic.log_times_ns.tolist() == [100, 101]
     assert [message.clock.sec for message in topic.messages] == [0, 1]
     (folder / "bag_1.mcap").unlink()
-    refused(r"bag_1\.mcap", folder)
+    refused(r"bag_1\.mcap is missing", folder)
 
 
 def test_what_is_not_a_bag(tmp_path):
@@ -395,6 +395,7 @@ def test_what_is_not_a_bag(tmp_path):
     (tmp_path / "nothing.mcap").touch()
     for name in ("absent", "empty", "notes.mcap", "nothing.mcap"):
         refused(name, tmp_path / name)
+    refused("not an MCAP file", tmp_path / "notes.mcap")
 
 
 @pytest.mark.parametrize(

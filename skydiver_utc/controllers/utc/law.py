@@ -295,10 +295,10 @@ def _covariances(
     for a in range(len(Pu)):
         for b in range(len(Pu)):
             Pu[a, b] = Qu[a, b]
-        for k in range(C_y.shape[0]):
+        for k in range(len(C_y)):
             C_uy[a, k] = 0.0
-    for i in range(C_y.shape[0]):
-        for k in range(C_y.shape[0]):
+    for i in range(len(C_y)):
+        for k in range(len(C_y)):
             C_y[i, k] = P_err[i, k]
     add_cross_covariance(saved, mean_U, saved, mean_U, left, Pu)
     add_cross_covariance(outputs, mean_Y, outputs, mean_Y, left, C_y)

@@ -24,7 +24,7 @@ def without_effect(law: Any, Pu: Array, C_uy: Array) -> bool:
     for k in range(law.per_step):
         law.unmoved[k] = 1.0
         for t in range(k, law.per_step * law.steps.shape[0], law.per_step):
-            for a in range(Pu.shape[0]):
+            for a in range(len(Pu)):
                 if Pu[a, a] > 0.0:
                     # Pu shrinks on a bound, the range of a control does not.
                     span = law.limits[1, a] - law.limits[0, a]
