@@ -410,6 +410,7 @@ def test_what_is_not_a_bag(tmp_path):
 def test_metadata_that_cannot_be_used_do_not_hide_the_file_beside_them(bag, tmp_path, text):
     (tmp_path / "flight_0.mcap").write_bytes((bag / "flight_0.mcap").read_bytes())
     (tmp_path / "metadata.yaml").write_text(text)
+    (tmp_path / "older.db3").touch()
     assert read_bag(tmp_path).keys() == read_bag(bag).keys()
 
 
