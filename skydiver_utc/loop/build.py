@@ -16,7 +16,10 @@ from skydiver_utc.references.protocol import Reference
 
 
 def build_plant(scenario: Scenario) -> Plant:
-    """The plant with which controller and estimator predict. Raises `ParameterError`, like all of these functions."""
+    """The plant with which controller and estimator predict. Raises `ParameterError`, like all of these functions.
+
+    Equal settings give the same object, which keeps no state: copy it before you change it.
+    """
     return _plant(scenario.plant, scenario.dt_s)
 
 
@@ -25,7 +28,7 @@ def build_true_plant(scenario: Scenario) -> Plant:
     return _plant(scenario.true_plant, scenario.dt_s)
 
 
-@lru_cache(maxsize=8)  # it keeps no state
+@lru_cache(maxsize=8)
 def _plant(settings: Any, dt_s: float) -> Plant:
     plant: Plant = _build("plant", settings, dt_s)
     return plant

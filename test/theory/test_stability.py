@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`skydiver-utc stability`: what it predicts, against flights of the package's controller."""
 
+import copy
 import json
 
 import numpy as np
@@ -148,7 +149,7 @@ def test_the_skydiver_near_a_steady_turn_follows_the_linear_loop():
     tuned = of_skydiver(SCENARIO, ALPHA)
     found = analyse(tuned.plant, tuned.horizon_steps, tuned.Qu, tuned.P_err, 0.0)
     model, fall, control = steady()
-    plant = build_plant(SCENARIO)
+    plant = copy.copy(build_plant(SCENARIO))
     plant.maximum = plant.rate = np.full(4, 1e6)
     plant.minimum = -plant.maximum
     Pu = 1e-8 * (found.gain.covariance + found.gain.growth)
