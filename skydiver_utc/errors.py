@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors of wrong input, and the exit codes of every command and node process."""
 
+import difflib
+from collections.abc import Sequence
+
 FAILED = 1  # the run did not reach its end, or a result is wrong
 REFUSED = 2  # nothing was started: an argument, a setting or a file cannot be used
 STOPPED = 130  # interrupted by Ctrl-C or SIGTERM
@@ -26,3 +29,9 @@ class RecordingError(InputError):
 
 class AnalysisError(InputError):
     """A recording cannot be analysed."""
+
+
+def hint(wrong: str, known: Sequence[str], otherwise: str) -> str:
+    """The known name that was meant, or else other advice."""
+    close = difflib.get_close_matches(wrong, known)
+    return f"did you mean {close[0]}" if close else otherwise

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a scenario's name to a validated, frozen `Scenario`."""
 
-import difflib
 import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from skydiver_utc.errors import ParameterError
+from skydiver_utc.errors import ParameterError, hint
 from skydiver_utc.parameters.conversion import Unresolved, convert
 from skydiver_utc.parameters.registry import refuse_other_code, search_modules_in
 from skydiver_utc.parameters.scenario import Scenario, merged
@@ -115,9 +114,8 @@ def _scenario_path(name_or_path: str) -> Path:
         return path
     names = scenario_names()
     if name_or_path not in names:
-        close = difflib.get_close_matches(name_or_path, names)
-        hint = f"did you mean {close[0]}" if close else f"choose one of {', '.join(names)}"
-        raise ParameterError(f"there is no scenario {name_or_path!r}: {hint}")
+        advice = hint(name_or_path, names, f"choose one of {', '.join(names)}")
+        raise ParameterError(f"there is no scenario {name_or_path!r}: {advice}")
     return config_folder() / "scenarios" / f"{name_or_path}.yaml"
 
 

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The settings of the nodes: a struct each; every scalar of the scenario is taken by dotted name, too."""
 
-import difflib
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NamedTuple
 
-from skydiver_utc.errors import ParameterError
+from skydiver_utc.errors import ParameterError, hint
 from skydiver_utc.parameters.conversion import checked
 from skydiver_utc.parameters.fields import Parameters, quantity, text
 from skydiver_utc.parameters.leaves import leaves
@@ -169,9 +168,9 @@ def _refuse_unknown(names: Mapping[str, object], model: type[NodeSettings]) -> N
     """Refuse names whose first part no scenario has; `load_scenario` checks the rest."""
     for name in names:
         if name.partition(".")[0] not in Scenario.model_fields:
-            close = difflib.get_close_matches(name, [*model.model_fields, *Scenario.model_fields])
-            hint = f"did you mean {close[0]}" if close else "take it out, or see --help for the names"
-            raise ParameterError(f"unknown parameter {name}: {hint}")
+            known = [*model.model_fields, *Scenario.model_fields]
+            advice = hint(name, known, "take it out, or see --help for the names")
+            raise ParameterError(f"unknown parameter {name}: {advice}")
 
 
 _OF_SCENARIO = (

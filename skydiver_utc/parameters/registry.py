@@ -6,7 +6,6 @@ settings are the nested class `Class.Settings`. The module is looked for on the 
 scenario file and in the current folder. A text of a topic or a recording names only modules that import this package.
 """
 
-import difflib
 import importlib
 import sys
 from collections.abc import Mapping
@@ -14,7 +13,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from skydiver_utc.errors import OwnClassError, ParameterError
+from skydiver_utc.errors import OwnClassError, ParameterError, hint
 from skydiver_utc.parameters.fields import SlotSettings
 
 
@@ -110,16 +109,15 @@ def factory(slot: str, kind: str) -> Any:
     module, colon, name = kind.partition(":")
     if not colon:
         known = list(KINDS[slot])
-        close = difflib.get_close_matches(kind, known)
-        hint = f"did you mean {close[0]}" if close else f"choose one of {', '.join(known) or 'none'}"
+        advice = hint(kind, known, f"choose one of {', '.join(known) or 'none'}")
         raise ParameterError(
-            f"there is no {slot} {kind!r}, {hint}, or name a class of your own as module:Class"
+            f"there is no {slot} {kind!r}, {advice}, or name a class of your own as module:Class"
         )
     search_modules_in(Path.cwd())
     try:
         return _load(kind)
     except ModuleNotFoundError as error:
-        raise _missing(str(error.name)) from error
+        raise _missing(error.name or module) from error
     except AttributeError as error:
         raise OwnClassError(
             f"the module {module} in {getattr(sys.modules.get(module), '__file__', None)} has no {name}: write the name"

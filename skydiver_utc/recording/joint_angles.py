@@ -2,7 +2,6 @@
 """Joint angles over time, from a recording, a CSV file or a motion file of OpenSim."""
 
 import csv
-import difflib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.errors import RecordingError
+from skydiver_utc.errors import RecordingError, hint
 from skydiver_utc.parameters.nanoseconds import seconds, stamp_ns
 from skydiver_utc.recording.number_table import numbers, refuse_twice, text_of
 from skydiver_utc.recording.opensim import ENDINGS, read_opensim
@@ -105,8 +104,9 @@ def _names(path: Path, header: Sequence[str], known: Sequence[str]) -> tuple[str
     names = tuple(name.removesuffix(_SUFFIX) for name in header[1:])
     for column, name in enumerate(names, 2):
         if name not in known:
-            close = difflib.get_close_matches(name, known)
-            hint = f"did you mean {close[0]}" if close else f"write one like {known[0]}"
-            raise RecordingError(f"{path} line 1, column {column}: there is no joint angle {name!r}, {hint}")
+            advice = hint(name, known, f"write one like {known[0]}")
+            raise RecordingError(
+                f"{path} line 1, column {column}: there is no joint angle {name!r}, {advice}"
+            )
     refuse_twice(path, 1, [_TIME, *names])
     return names

@@ -37,9 +37,9 @@ class CurveSettings(SlotSettings):
 
 
 @lru_cache(maxsize=8)
-def _values_of(kind: type[CurveSettings], settings: str, dt_s: float) -> Callable[[int], Array]:
-    """Values at a step, kept for references of equal settings, which come as JSON: for all flights of a study."""
-    value = kind.model_validate_json(settings).curve().value
+def _values_of(settings: CurveSettings, dt_s: float) -> Callable[[int], Array]:
+    """Values at a step, kept for references of equal settings: for all flights of a study."""
+    value = settings.curve().value
     return lru_cache(maxsize=8192)(lambda k: value(k * dt_s))
 
 
@@ -54,7 +54,7 @@ class CurveReference:
                 f" dt_s ({dt_s:g} s)"
             )
         self.outputs, self.amplitude = curve.outputs, curve.largest
-        self._at = _values_of(type(settings), settings.model_dump_json(), dt_s)
+        self._at = _values_of(settings, dt_s)
 
     def preview(self, k: int, count: int) -> Array:
         """Values (count, l) at the steps k, k+1, ..., in the unit of each output."""

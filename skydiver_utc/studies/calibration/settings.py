@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Settings of a calibration: numbers of the skydiver between bounds, targets for measures, the flights."""
 
-import difflib
 from typing import Annotated, Any, Literal
 
 from pydantic import model_validator
 from typing_extensions import Self
 
+from skydiver_utc.errors import hint
 from skydiver_utc.parameters import ParameterError, Parameters, quantity, text
 from skydiver_utc.parameters.body import PatternAngle
 from skydiver_utc.parameters.conversion import checked
@@ -61,9 +61,8 @@ class Flight(Parameters):
     @model_validator(mode="after")
     def _check(self) -> Self:
         for measure in set(self.targets) - set(FLIGHT_MEASURES):
-            close = difflib.get_close_matches(measure, FLIGHT_MEASURES)
-            hint = f"did you mean {close[0]}" if close else f"choose one of {', '.join(FLIGHT_MEASURES)}"
-            raise ValueError(f"a flight has no measure {measure}: {hint}")
+            advice = hint(measure, FLIGHT_MEASURES, f"choose one of {', '.join(FLIGHT_MEASURES)}")
+            raise ValueError(f"a flight has no measure {measure}: {advice}")
         return self
 
 
