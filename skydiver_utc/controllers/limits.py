@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bounds and rates of a control vector, as controllers keep them."""
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.jit import unfused
+from skydiver_utc.jit import kernel
 from skydiver_utc.plants.protocol import Plant
 
 Array = NDArray[np.float64]
@@ -17,18 +15,18 @@ def limits_of(plant: Plant) -> Array:
     return np.array([plant.minimum, plant.maximum, plant.rate * plant.dt_s])
 
 
-def all_finite(values: Array) -> bool:
-    """Whether a few numbers (n,) are finite; `np.isfinite(values).all()` costs several times as much."""
-    return all(map(math.isfinite, values.tolist()))
+@kernel
+def limit(wanted: Array, limits: Array, control: Array) -> None:
+    """Move a control (m,) to a wanted one, inside its bounds, then inside its largest change; limits (3, m)."""
+    for c in range(control.shape[0]):
+        value, before = min(max(wanted[c], limits[0, c]), limits[1, c]), control[c]
+        control[c] = min(max(value, before - limits[2, c]), before + limits[2, c])
 
 
-@unfused
 def limited(wanted: Array, previous: Array, limits: Array) -> Array:
     """A control (m,) inside its bounds, then inside its largest change from the previous one; limits (3, m)."""
-    control = np.empty(wanted.shape[0])
-    for c in range(control.shape[0]):
-        value = min(max(wanted[c], limits[0, c]), limits[1, c])
-        control[c] = min(max(value, previous[c] - limits[2, c]), previous[c] + limits[2, c])
+    control = previous.copy()
+    limit(wanted, limits, control)
     return control
 
 
@@ -37,7 +35,7 @@ class LimitedController:
 
     def __init__(self, plant: Plant) -> None:
         self._limits, self._initial = limits_of(plant), plant.initial_control()
-        self.reset()
+        self._previous = self._initial.copy()
 
     def reset(self) -> None:
         """Start again from the initial control."""
@@ -45,4 +43,4 @@ class LimitedController:
 
     def resume(self, control: Array) -> None:
         """Start from this control (m,), the one applied last."""
-        self._previous = control.copy()
+        self._previous[:] = control

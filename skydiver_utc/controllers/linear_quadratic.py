@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.controllers.horizon import cost_of
-from skydiver_utc.controllers.limits import LimitedController
+from skydiver_utc.controllers.limits import LimitedController, limit
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import LqrSettings
-from skydiver_utc.jit import unfused
+from skydiver_utc.jit import by_address, contents, unfused
 from skydiver_utc.plants.protocol import Plant, Reduced
 
 Array = NDArray[np.float64]
@@ -113,6 +113,18 @@ def _designed(
     return cost.nominal, about, model, design(model, cost.control, cost.change, settings.horizon_steps)
 
 
+class Tracking(NamedTuple):
+    """Numbers of a decision: gains, the equilibrium z (n,), u (m,) and its outputs (l,), limits (3, m), u_k-1 (m,)."""
+
+    gains: Gains
+    of_outputs: Array
+    state: Array
+    nominal: Array
+    outputs: Array
+    limits: Array
+    previous: Array
+
+
 class LinearQuadraticController(LimitedController):
     """The regulator about the plant's equilibrium under the control at rest (`Plant.reduced`)."""
 
@@ -121,57 +133,49 @@ class LinearQuadraticController(LimitedController):
     def __init__(
         self, settings: LqrSettings, plant: Plant, outputs: tuple[str, ...], dt_s: float, seed: int = 0
     ) -> None:
-        self._nominal, self._about, self._plant, self._gains = _designed(settings, plant, outputs)
+        nominal, about, model, gains = _designed(settings, plant, outputs)
         self.preview_steps = settings.preview_steps(dt_s)
         super().__init__(plant)
-        self._xi = np.empty(len(self._about.state) + len(self._nominal))
-        self._z, self._u = np.split(self._xi, [len(self._about.state)])
-        self._tracks = self._plant.outputs, self._gains.preview, self._limits
+        self._reduce, self._out = about.reduce, np.empty(len(self.telemetry_names) + 1)
+        numbers = Tracking(gains, model.C, about.state, nominal, model.outputs, self._limits, self._previous)
+        example = about.state, np.empty((1, len(outputs))), self._out
+        self._track = by_address([(track, numbers)], *example)
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """u_k = u_k-1 - K xi + F r, then the limits."""
-        z, u = self._z, self._u
-        np.subtract(self._about.reduce(state), self._about.state, out=z)
-        np.subtract(self._previous, self._nominal, out=u)
-        feedback = self._gains.feedback @ self._xi
-        control, telemetry = np.empty(len(feedback)), np.empty(len(self.telemetry_names))
-        status = _tracked(
-            self._previous, feedback, preview, *self._tracks, self._plant.C @ z, control, telemetry
-        )
-        self._previous = control
-        return Decision(control.copy(), telemetry, _STATUS[status])
+        out = self._out
+        self._track(self._reduce(state), preview, out)
+        return Decision(self._previous.copy(), out[:-1].copy(), _STATUS[int(out[-1])])
 
 
 @unfused
-def _tracked(
-    previous: Array,
-    feedback: Array,
-    preview: Array,
-    at_rest: Array,
-    gains: Array,
-    limits: Array,
-    outputs: Array,
-    control: Array,
-    telemetry: Array,
-) -> int:
-    """The status; writes the control (m,), and the distance of the outputs and how far the control is beyond limits.
-
-    feedback (m,): K xi; at_rest, outputs (l,): at the equilibrium and beside it; gains (N, m, l); limits (3, m)
-    """
+def track(z: Array, preview: Array, numbers: Tracking, out: Array) -> None:
+    """Move the control on; write the distance of the outputs, how far it is beyond limits, and the status."""
+    numbers = contents(numbers)
+    K, F, previous = numbers.gains.feedback, numbers.gains.preview, numbers.previous
+    n, m, l = z.shape[0], previous.shape[0], numbers.outputs.shape[0]
+    xi, wanted = np.empty(n + m), np.empty(m)
+    for a in range(n):
+        xi[a] = z[a] - numbers.state[a]
+    for c in range(m):
+        xi[n + c] = previous[c] - numbers.nominal[c]
     error, beyond = 0.0, 0.0
-    for k in range(at_rest.shape[0]):
-        error = np.hypot(error, preview[0, k] - at_rest[k] - outputs[k])
-    for c in range(control.shape[0]):
-        ahead = 0.0
-        for j in range(gains.shape[0]):
-            for k in range(at_rest.shape[0]):
-                ahead += gains[j, c, k] * (preview[j + 1, k] - at_rest[k])
-        wanted, before = previous[c] - feedback[c] + ahead, previous[c]
-        if not abs(wanted) < np.inf:
-            control[:], telemetry[:] = previous, 0.0
-            return _KEPT_PREVIOUS
-        value = min(max(wanted, limits[0, c]), limits[1, c])
-        control[c] = min(max(value, before - limits[2, c]), before + limits[2, c])
-        beyond = max(beyond, abs(wanted - control[c]))
-    telemetry[0], telemetry[1] = error, beyond
-    return _SOLVED if beyond == 0.0 else _SATURATED
+    for k in range(l):
+        distance = preview[0, k] - numbers.outputs[k]
+        for a in range(n):
+            distance -= numbers.of_outputs[k, a] * xi[a]
+        error = np.hypot(error, distance)
+    for c in range(m):
+        wanted[c] = previous[c]
+        for a in range(n + m):
+            wanted[c] -= K[c, a] * xi[a]
+        for j in range(F.shape[0]):
+            for k in range(l):
+                wanted[c] += F[j, c, k] * (preview[j + 1, k] - numbers.outputs[k])
+        if not abs(wanted[c]) < np.inf:
+            out[0], out[1], out[2] = 0.0, 0.0, _KEPT_PREVIOUS
+            return
+    limit(wanted, numbers.limits, previous)
+    for c in range(m):
+        beyond = max(beyond, abs(wanted[c] - previous[c]))
+    out[0], out[1], out[2] = error, beyond, _SOLVED if beyond == 0.0 else _SATURATED

@@ -4,7 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.controllers.limits import LimitedController, limited
+from skydiver_utc.controllers.limits import LimitedController, limit
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import OpenLoopSettings
 from skydiver_utc.plants.protocol import Plant
@@ -32,6 +32,6 @@ class OpenLoop(LimitedController):
         """The reference, bounded and slewed."""
         wanted = self._initial.copy()
         wanted[self._driven] = preview[0]
-        self._previous = limited(wanted, self._previous, self._limits)
+        limit(wanted, self._limits, self._previous)
         status = Status.SOLVED if (self._previous == wanted).all() else Status.SATURATED
         return Decision(self._previous.copy(), preview[0].copy(), status)

@@ -1,15 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
 """The skydiver's pose controller: proportional on the tracked body rate with feed-forward (eq:lim)."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.controllers.limits import LimitedController, all_finite, limited
+from skydiver_utc.controllers.limits import LimitedController, limit
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import PoseSettings
+from skydiver_utc.jit import by_address, contents, unfused
 from skydiver_utc.plants.protocol import Plant
 
 Array = NDArray[np.float64]
+_STATUS = tuple(Status)
+# Literals for the program.
+_SOLVED, _SATURATED, _KEPT_PREVIOUS = int(Status.SOLVED), int(Status.SATURATED), int(Status.KEPT_PREVIOUS)
+
+
+class Pose(NamedTuple):
+    """Numbers of a decision: places of output and controls, settings, limits (3, m), the control before (m,)."""
+
+    output: int
+    damping_at: int
+    alpha_at: int
+    K_p: float
+    K_FF: float
+    Cm_damp_yaw: float
+    Cm_damp_body: float
+    alpha_feed_forward_max: float
+    limits: Array
+    previous: Array
 
 
 class PoseController(LimitedController):
@@ -23,35 +44,50 @@ class PoseController(LimitedController):
     ) -> None:
         if {"Cm_damp_yaw", "alpha"} - set(plant.control_names):
             raise ValueError("the pose controller is for a plant with the controls Cm_damp_yaw and alpha")
-        self._settings = settings
-        self._plant, self._outputs = plant, np.empty(len(plant.output_names))
-        self._output = plant.output_names.index(outputs[0])
-        self._damping_at, self._alpha_at = map(plant.control_names.index, ("Cm_damp_yaw", "alpha"))
         super().__init__(plant)
+        self._outputs_of, self._outputs = plant.bound_model.outputs, np.empty(len(plant.output_names))
+        self._out = np.empty(len(self.telemetry_names) + 1)
+        numbers = Pose(
+            plant.output_names.index(outputs[0]),
+            *map(plant.control_names.index, ("Cm_damp_yaw", "alpha")),
+            settings.K_p,
+            settings.K_FF,
+            settings.Cm_damp_yaw,
+            settings.Cm_damp_body,
+            settings.alpha_feed_forward_max,
+            self._limits,
+            self._previous,
+        )
+        self._move = by_address([(move, numbers)], self._outputs, np.empty((1, len(outputs))), self._out)
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """u = K_p (yr_ref - yr_real) + K_FF yr_ref, bounded and slewed."""
-        reference = float(preview[0, 0])
-        self._plant.bound_model.outputs(state, self._outputs)
-        error = reference - float(self._outputs[self._output])
-        feed_forward = self._settings.K_FF * reference
-        alpha = self._settings.K_p * error + feed_forward
-        wanted = np.zeros(len(self._previous))
-        wanted[self._damping_at], wanted[self._alpha_at] = self._damping(feed_forward), alpha
-        if not all_finite(wanted):
-            return Decision(self._previous.copy(), np.zeros(len(self.telemetry_names)), Status.KEPT_PREVIOUS)
-        self._previous = limited(wanted, self._previous, self._limits)
-        status = Status.SOLVED if self._previous[self._alpha_at] == alpha else Status.SATURATED
-        return Decision(self._previous.copy(), np.array([error, alpha]), status)
+        out = self._out
+        self._outputs_of(state, self._outputs)
+        self._move(self._outputs, preview, out)
+        return Decision(self._previous.copy(), out[:-1].copy(), _STATUS[int(out[-1])])
 
-    def _damping(self, feed_forward: float) -> float:
-        """Constant, or lowered where the feed-forward asks for more than its largest pattern angle.
 
-        In a steady turn the pattern's moment, near enough proportional to alpha, is that of the damping: Cm, and
-        what the body itself adds to it, times the yaw rate. What alpha may not add, Cm must give way.
-        """
-        p = self._settings
-        if p.alpha_feed_forward_max > 0.0 and abs(feed_forward) > p.alpha_feed_forward_max:
-            share = p.alpha_feed_forward_max / abs(feed_forward)
-            return share * (p.Cm_damp_yaw + p.Cm_damp_body) - p.Cm_damp_body
-        return p.Cm_damp_yaw
+@unfused
+def move(outputs: Array, preview: Array, numbers: Pose, out: Array) -> None:
+    """Move the control on; write the error of the rate, alpha without limits, and the status.
+
+    Cm is constant, or lowered where the feed-forward asks for more than its largest pattern angle: in a steady turn the
+    pattern's moment, near enough proportional to alpha, is that of the damping, Cm and what the body itself adds to it,
+    times the yaw rate. What alpha may not add, Cm must give way.
+    """
+    p = contents(numbers)
+    error = preview[0, 0] - outputs[p.output]
+    feed_forward = p.K_FF * preview[0, 0]
+    alpha = p.K_p * error + feed_forward
+    if not abs(alpha) < np.inf:
+        out[0], out[1], out[2] = 0.0, 0.0, _KEPT_PREVIOUS
+        return
+    wanted = np.zeros(p.previous.shape[0])
+    wanted[p.damping_at], wanted[p.alpha_at] = p.Cm_damp_yaw, alpha
+    if 0.0 < p.alpha_feed_forward_max < abs(feed_forward):
+        share = p.alpha_feed_forward_max / abs(feed_forward)
+        wanted[p.damping_at] = share * (p.Cm_damp_yaw + p.Cm_damp_body) - p.Cm_damp_body
+    limit(wanted, p.limits, p.previous)
+    out[0], out[1] = error, alpha
+    out[2] = _SOLVED if p.previous[p.alpha_at] == alpha else _SATURATED

@@ -14,6 +14,7 @@ import numpy as np
 from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
+from skydiver_utc.controllers.limits import limit
 from skydiver_utc.jit import (
     InMemory,
     address,
@@ -114,8 +115,7 @@ def roll_out(state: Array, preview: Array, numbers: Setup, out: Array) -> None:
             finite = True
             for c in range(m):
                 finite &= abs(wanted[c]) < np.inf
-                value, before = min(max(wanted[c], limits[0, c]), limits[1, c]), control[c]
-                control[c] = min(max(value, before - limits[2, c]), before + limits[2, c])
+            limit(wanted, limits, control)
             if j == 0:
                 for c in range(m):
                     first[i, c] = control[c]

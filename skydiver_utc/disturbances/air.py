@@ -10,17 +10,19 @@ from skydiver_utc.rotations import turn_into_body
 Array = NDArray[np.float64]
 
 
-def in_moving_air(state: Array, carried: Array, gained: Array) -> Array:
-    """A state (13,) whose place is carried by (3,) [m] and whose velocity gains (3,) [m/s], both in the world."""
+def in_moving_air(state: Array, wind: Array, before: Array, dt_s: float) -> Array:
+    """A state (13,) relative to the air, which carries its place over dt_s, where the wind (3,) was another before."""
     moved = state.copy()
-    _move(moved, carried, gained)
+    _move(moved, wind, before, dt_s)
     return moved
 
 
 @program
-def _move(state: Array, carried: Array, gained: Array) -> None:
-    in_body = np.empty(3)
+def _move(state: Array, wind: Array, before: Array, dt_s: float) -> None:
+    gained, in_body = np.empty(3), np.empty(3)
+    for axis in range(3):
+        state[axis] += dt_s * wind[axis]
+        gained[axis] = before[axis] - wind[axis]
     turn_into_body(state[3:7], gained, in_body)
     for axis in range(3):
-        state[axis] += carried[axis]
         state[7 + axis] += in_body[axis]

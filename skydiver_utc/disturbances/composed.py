@@ -40,9 +40,10 @@ class Composed(Disturbance):
 
     def wind(self, k: int) -> Array:
         """Velocity of the air (3,) in the world at step k [m/s]."""
-        if k != self._step:
-            self._step, self._wind = k, STILL_AIR
-            for wind in self._winds:
+        if self._winds and k != self._step:
+            first, *others = self._winds
+            self._step, self._wind = k, first(k)
+            for wind in others:
                 self._wind = self._wind + wind(k)
         return self._wind
 
@@ -51,8 +52,8 @@ class Composed(Disturbance):
         for disturbed in self._states:
             state = disturbed(k, state)
         if self._winds:
-            before, wind = self.wind(k - 1), self.wind(k)
-            state = in_moving_air(state, self._dt_s * wind, before - wind)
+            before = self.wind(k - 1)
+            state = in_moving_air(state, self.wind(k), before, self._dt_s)
         return state
 
     def measurement(self, k: int, state: Array) -> Array:
@@ -69,16 +70,16 @@ class Composed(Disturbance):
 
     def over_ground(self, k: int, state: Array) -> Array:
         """The plant's state (n,) at step k with its velocity over ground."""
-        return in_moving_air(state, STILL_AIR, self.wind(k)) if self._winds else state
+        return in_moving_air(state, STILL_AIR, self.wind(k), 0.0) if self._winds else state
 
     def acted(self, k: int, state: Array) -> Array:
         """By `names`: the wind [m/s] and the error of what is measured at a state (n,) of step k."""
-        values = [self.wind(k)] if self._winds else [np.empty(0)]
-        if self._measurements:
-            measured = self.measurement(k, state)
-            assert self._measured is not None
-            values.append(measured - self._measured[1])
-        return np.concatenate(values)
+        if not self._measurements:
+            return self.wind(k)[: len(self.names)]
+        measured = self.measurement(k, state)
+        assert self._measured is not None
+        error: Array = measured - self._measured[1]
+        return np.concatenate((self.wind(k), error)) if self._winds else error
 
     def reset(self) -> None:
         """Forget the run so far."""

@@ -36,38 +36,40 @@ class Transmission(Disturbance):
         self._delay, self._jitter = round(settings.delay_s / dt_s), round(settings.jitter_s / dt_s)
         self._loss, self._seed = settings.loss, seed
         self._acts = self._delay + self._jitter > 0 or self._loss > 0.0
-        self._arrivals = Rows(self._blocks)
+        self._newest = Rows(self._blocks)
         self._states: dict[int, Array] = {}  # by step: the one in use, and later ones
-        self._arriving: dict[float, int] = {}  # by the step at which it arrives: the step of a state
-        self._used = self._newest = self._next = 0
+        self._used = 0
 
     def measurement(self, k: int, state: Array) -> Array:
         """The state (n,) that arrived last at step k."""
         if not self._acts:
             return state
         if not self._states:
-            self._used = self._newest = self._next = k
+            self._used = k
         self._states[k] = state.copy()
-        for step in range(self._next, k + 1):
-            self._arriving[self._arrivals[step][0]] = step  # of several at once the newest counts
-            self._newest = max(self._newest, self._arriving.pop(step, -1))
-        self._next = k + 1
-        used = next(j for j in range(self._newest, self._used - 1, -1) if j in self._states)
-        for j in range(self._used, used):
+        newest = int(self._newest[k])
+        while newest > self._used and newest not in self._states:
+            newest -= 1
+        for j in range(self._used, newest):
             self._states.pop(j, None)
-        self._used = used
-        return self._states[used]
+        self._used = max(self._used, newest)
+        return self._states[self._used]
 
     def reset(self) -> None:
         """Forget all states."""
-        self._states, self._arriving = {}, {}
+        self._states = {}
 
-    def _blocks(self) -> Iterator[Array]:
-        """The step at which the state of each step arrives (BLOCK, 1), infinite where it is lost."""
+    def _blocks(self) -> Iterator[NDArray[np.int64]]:
+        """For each step the newest state that has arrived by then (BLOCK,)."""
         random = np.random.default_rng(self._seed)
-        steps = np.arange(BLOCK)
+        begin, newest = 0, np.full(BLOCK, -1)
         while True:
             late = random.integers(0, self._jitter + 1, BLOCK)
-            arrivals = np.where(random.random(BLOCK) < self._loss, np.inf, steps + self._delay + late)
-            yield arrivals[:, np.newaxis]
-            steps = steps + BLOCK
+            lost = random.random(BLOCK) < self._loss
+            arrived = np.full(2 * BLOCK + self._delay + self._jitter, -1)
+            arrived[: len(newest)] = newest
+            steps = np.flatnonzero(~lost)
+            np.maximum.at(arrived, steps + self._delay + late[~lost], begin + steps)
+            newest = np.maximum.accumulate(arrived)
+            yield newest[:BLOCK]
+            begin, newest = begin + BLOCK, newest[BLOCK:]

@@ -59,7 +59,7 @@ class RosFlight:
             self._rows.append(row)
         wind, state = self.gusts.wind(self._node.k), self._node.state
         if (wind != self._gust).any():
-            pushed = in_moving_air(state, STILL_AIR, self._gust - wind) - state
+            pushed = in_moving_air(state, wind, self._gust, 0.0) - state
             self._node.push(dict(zip(self.plant.state_names[7:10], pushed[7:10].tolist(), strict=True)))
             self._gust = wind
         self.ended = "the flight has ended" if self._node.ended else ""

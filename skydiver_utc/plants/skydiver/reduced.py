@@ -9,19 +9,23 @@ which x and y suffice while the dorsal axis points above the horizon. Order: up 
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.jit import unfused
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.plants.skydiver.dynamics import STATE_SIZE
 from skydiver_utc.plants.skydiver.model import PlantModel
 from skydiver_utc.plants.skydiver.steady import SteadyFall, straight_falls
-from skydiver_utc.rotations import attitude_with_up, up_components
+from skydiver_utc.rotations import attitude_with_up, up_of_quaternion
 
 Array = NDArray[np.float64]
 
 
+@unfused
 def reduced(state: Array) -> Array:
     """The eight states (8,) of a state (13,)."""
-    values = state.tolist()
-    return np.array([*up_components(*values[3:7])[:2], *values[10:13], *values[7:10]])
+    z = np.empty(8)
+    z[0], z[1], _ = up_of_quaternion(state[3], state[4], state[5], state[6])
+    z[2:5], z[5:8] = state[10:13], state[7:10]
+    return z
 
 
 def expanded(z: Array) -> Array:

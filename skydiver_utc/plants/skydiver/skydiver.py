@@ -25,7 +25,7 @@ from skydiver_utc.plants.skydiver.reduced import belly_to_earth, expanded, reduc
 from skydiver_utc.plants.skydiver.segment_forces import segment_forces
 from skydiver_utc.plants.skydiver.sensors import sensors
 from skydiver_utc.plants.skydiver.table_error import refuse_coarse_table
-from skydiver_utc.rotations import up_components, world_up
+from skydiver_utc.rotations import up_of_quaternion, world_up
 
 Array = NDArray[np.float64]
 
@@ -155,8 +155,7 @@ class SkydiverPlant(Plant):
 
     def mishap(self, state: Array) -> str:
         """The body rolled over, where the settings say belly to earth."""
-        x, y = state[3:5].tolist()
-        upright = not self._belly_to_earth or up_components(x, y, 0.0, 0.0)[2] >= 0.0
+        upright = not self._belly_to_earth or _upright(state)
         return "" if upright else "the dorsal axis went below the horizon"
 
 
@@ -168,6 +167,11 @@ def _falls(state: Array) -> bool:
     vx, vy, vz, wx, wy, wz = state[7], state[8], state[9], state[10], state[11], state[12]
     slow = vx * vx + vy * vy + vz * vz < LARGEST_SPEED_M_S**2
     return finite and slow and wx * wx + wy * wy + wz * wz < LARGEST_RATE_RAD_S**2
+
+
+@unfused
+def _upright(state: Array) -> bool:
+    return up_of_quaternion(state[3], state[4], state[5], state[6])[2] >= 0.0
 
 
 def _quaternion(heading_deg: float, pitch_deg: float, bank_deg: float) -> Array:
