@@ -219,6 +219,16 @@ class _Call(partial[None]):
         raise TypeError("machine code cannot be sent to another process")
 
 
+def for_rows(function: Callable[..., None], first: Any, out: Any) -> None:
+    """function(row, row of out) for each row of `first`, in one call where it is one by address."""
+    if isinstance(function, _Call):
+        (parts,) = function.args
+        _run_rows(parts, first, out)
+        return
+    for row, of_row in zip(first, out, strict=True):
+        function(row, of_row)
+
+
 def address(function: Any, *example: Any) -> int:
     """The address of the machine code of a jitted function for such arguments; it must return nothing.
 
@@ -408,3 +418,9 @@ def _run_one(parts: Any, first: Any, out: Any) -> None:
 def _run_two(parts: Any, first: Any, second: Any, out: Any) -> None:
     for i in range(parts.shape[1]):
         call(parts[0, i], (first, second, parts[1, i], out))
+
+
+@program
+def _run_rows(parts: Any, first: Any, out: Any) -> None:
+    for row in range(first.shape[0]):
+        _run_one(parts, first[row], out[row])

@@ -49,7 +49,8 @@ class PoseController(LimitedController):
         self._out = np.empty(len(self.telemetry_names) + 1)
         numbers = Pose(
             plant.output_names.index(outputs[0]),
-            *map(plant.control_names.index, ("Cm_damp_yaw", "alpha")),
+            plant.control_names.index("Cm_damp_yaw"),
+            plant.control_names.index("alpha"),
             settings.K_p,
             settings.K_FF,
             settings.Cm_damp_yaw,

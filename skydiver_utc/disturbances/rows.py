@@ -2,11 +2,11 @@
 """Random numbers by step: the same bits whoever asks for them, how often, and with which gaps."""
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 BLOCK = 128  # steps that are drawn at once: in real time they take a fraction of a step
 
 

@@ -2,7 +2,7 @@
 """The unit, description and bounds of a setting."""
 
 import re
-from collections.abc import Iterator
+from functools import cache
 from typing import Any, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -26,11 +26,18 @@ class Parameters(BaseModel):
         """YAML's lists as the tuples that frozen settings hold, but for a field that is a list."""
         if not isinstance(content, dict):
             return content
+        lists, blocks = _lists_and_blocks(cls)
+        found = {}
         for name, value in content.items():
-            if any(_CONTROL.search(found) for found in _texts(value)):
-                raise ValueError(f"{name} holds a control character: take it out")
-        lists = {name for name, field in cls.model_fields.items() if get_origin(field.annotation) is list}
-        return {name: value if name in lists else _as_tuples(value) for name, value in content.items()}
+            if name in blocks and isinstance(value, dict):
+                found[name] = value  # its own class does the same
+                continue
+            try:
+                rows = _checked(value)
+            except _ControlCharacterError as error:
+                raise ValueError(f"{name} holds a control character: take it out") from error
+            found[name] = value if name in lists else rows
+        return found
 
     def __hash__(self) -> int:
         return hash(self.model_dump_json())
@@ -68,20 +75,30 @@ def text(description: str) -> Any:
     return Field(description=description)
 
 
-def _texts(value: Any) -> Iterator[str]:
-    """All texts in plain data, names too."""
+class _ControlCharacterError(Exception):
+    pass
+
+
+def _checked(value: Any) -> Any:
+    """Plain data with tuples in the place of lists; names of fields are texts, too."""
     if isinstance(value, str):
-        yield value
+        if _CONTROL.search(value):
+            raise _ControlCharacterError
     elif isinstance(value, dict):
-        for key, item in value.items():
-            yield str(key)
-            yield from _texts(item)
+        return {_checked(key): _checked(item) for key, item in value.items()}
     elif isinstance(value, list | tuple):
-        for item in value:
-            yield from _texts(item)
+        rows = tuple(map(_checked, value))
+        return rows if isinstance(value, list) else value
+    return value
 
 
-def _as_tuples(value: Any) -> Any:
-    if isinstance(value, list):
-        return tuple(map(_as_tuples, value))
-    return {key: _as_tuples(item) for key, item in value.items()} if isinstance(value, dict) else value
+@cache
+def _lists_and_blocks(settings: type[BaseModel]) -> tuple[frozenset[str], frozenset[str]]:
+    """The fields that are lists, and those that are settings of a class of their own."""
+    types = {name: field.annotation for name, field in settings.model_fields.items()}
+    return (
+        frozenset(name for name, kind in types.items() if get_origin(kind) is list),
+        frozenset(
+            name for name, kind in types.items() if isinstance(kind, type) and issubclass(kind, Parameters)
+        ),
+    )

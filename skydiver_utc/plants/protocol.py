@@ -10,7 +10,7 @@ import numpy as np
 from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
-from skydiver_utc.jit import by_address, in_memory, is_jitted
+from skydiver_utc.jit import by_address, for_rows, in_memory, is_jitted
 
 Array = NDArray[np.float64]
 # step(state (n,), control (m,), parameters, out (n,)) writes the state one step later; out may be the state.
@@ -189,9 +189,8 @@ class Plant(ABC):
     def outputs(self, states: Array) -> Array:
         """All outputs (..., L) of states (..., n)."""
         found = np.empty((*states.shape[:-1], len(self.output_names)))
-        rows = zip(states.reshape(-1, states.shape[-1]), found.reshape(-1, found.shape[-1]), strict=True)
-        for state, out in rows:
-            self.bound_model.outputs(state, out)
+        rows = np.ascontiguousarray(states, dtype=float).reshape(-1, states.shape[-1])
+        for_rows(self.bound_model.outputs, rows, found.reshape(len(rows), -1))
         return found
 
     def joint_angles(self, applied: Array) -> Array:

@@ -212,8 +212,11 @@ def advance(
         following[i] = state[i]
     for i in range(d):
         drift[i] = 0.0
-    posture_geometry(model, alpha, geometry)
-    invert_inertia(geometry, inverse)
+    # Along a roll-out the posture often stays: what is kept of the step before is used again.
+    if work[-1] != alpha:
+        posture_geometry(model, alpha, geometry)
+        invert_inertia(geometry, inverse)
+    work[-1] = np.nan if moving else alpha
     angular_momentum(geometry, rate, state, following[10:13])
     start_x, start_y, start_z = following[10], following[11], following[12]
     momentum_x, momentum_y, momentum_z = start_x, start_y, start_z

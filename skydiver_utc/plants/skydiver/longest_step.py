@@ -49,7 +49,7 @@ def fastest_damping(model: Model, initial: Array, alpha: float) -> FastestDampin
     Damping is proportional to the speed, here the initial or the terminal one, whichever is larger; the latter in the
     initial attitude and posture [rad], with the hands at the limits that pull down most.
     """
-    constants = model.parameters._replace(dt=_STEP_S, work=np.empty_like(model.parameters.work))
+    constants = model.parameters._replace(dt=_STEP_S, work=np.full_like(model.parameters.work, np.nan))
     low, high = constants.control_min, constants.control_max
     step = model._replace(parameters=constants).bound(len(high), 4).step
     initial_speed = float(np.linalg.norm(initial[7:10]))

@@ -22,8 +22,9 @@ SEGMENT_COUNT = 16
 INERTIA_AT = 9 * SEGMENT_COUNT
 SWING_AT = INERTIA_AT + 6
 GEOMETRY_SIZE = SWING_AT + 3
-# Scratch of a step: geometry, inverse inertia, velocities of segments by limb motion, load, three states, two momenta.
-WORK_SIZE = GEOMETRY_SIZE + 6 + 3 * SEGMENT_COUNT + 6 + 3 * 13 + 6
+# Scratch of a step: geometry, inverse inertia, velocities of segments by limb motion, load, three states, and of which
+# pattern angle the geometry is, NaN for none.
+WORK_SIZE = GEOMETRY_SIZE + 6 + 3 * SEGMENT_COUNT + 6 + 3 * 13 + 1
 _SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -34,6 +35,7 @@ class PlantModel(NamedTuple):
     hand_force component along the body's z (dorsal) of the force on a hand for a unit coefficient [N]
     hand_arm y of the left hand, -y of the right one [m]: the hands' moment is r x F
     control_min, control_max (4,)
+    work: scratch, which keeps the geometry of a step for the next; a model with another table needs one of its own
     """
 
     geometry: Array
@@ -85,7 +87,7 @@ def build_model(settings: SkydiverSettings, dt_s: float, moves: Movement | None 
         alpha_acceleration=settings.limbs.alpha_acceleration,
         limb_reaction=settings.limbs.reaction,
         dt=dt_s,
-        work=np.empty(WORK_SIZE),
+        work=np.full(WORK_SIZE, np.nan),
     )
 
 

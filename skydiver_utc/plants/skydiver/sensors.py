@@ -42,6 +42,7 @@ def accelerometer(state: Array, control: Array, numbers: PlantModel, out: Array)
     posture_geometry(numbers, control[3], geometry)
     segment_drift(numbers, control[3], control[4] if control.shape[0] > 4 else 0.0, drift)
     body_load(numbers, geometry, drift, control, state, load)
+    work[-1] = np.nan  # The next step cannot use this geometry again.
     for i in range(3):
         out[i] = load[i] / numbers.mass
 

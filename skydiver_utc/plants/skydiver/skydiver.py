@@ -91,7 +91,7 @@ class SkydiverPlant(Plant):
 
     def model_of_step(self, dt_s: float) -> Model:
         """The model with another step of integration."""
-        constants = self.constants._replace(dt=dt_s, work=np.empty_like(self.constants.work))
+        constants = self.constants._replace(dt=dt_s, work=np.full_like(self.constants.work, np.nan))
         return self.model._replace(parameters=constants)
 
     def reduced(self, control: Array) -> Reduced:
@@ -171,7 +171,8 @@ def _falls(state: Array) -> bool:
 
 @unfused
 def _upright(state: Array) -> bool:
-    return up_of_quaternion(state[3], state[4], state[5], state[6])[2] >= 0.0
+    above: bool = up_of_quaternion(state[3], state[4], state[5], state[6])[2] >= 0.0
+    return above
 
 
 def _quaternion(heading_deg: float, pitch_deg: float, bank_deg: float) -> Array:
