@@ -210,19 +210,21 @@ def percent(value: float) -> str:
 
 
 def tables(rows: Sequence[Row]) -> str:
-    """The rows as three tables of Markdown."""
+    """The rows as two tables of Markdown."""
     lines = [
-        "| plant | controller | RMSE | other searches | settled | steady offset | controls at 9/10 | travel |",
-        "|---|---|---|---|---|---|---|---|",
+        "| plant | controller | RMSE | other searches | settled | steady offset | controls at 9/10 | travel"
+        " | tuned to |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
         settled = "never" if row.settled is None else str(row.settled)
         errors = (percent(value) for value in (row.rmse, row.offset, row.weak_offset, row.travel))
         rmse, offset, weak, travel = errors
         others = ", ".join(percent(value) for value in row.others)
-        lines.append(
-            f"| {row.plant} | {row.controller} | {rmse} | {others} | {settled} | {offset} | {weak} | {travel} |"
-        )
+        values = row.values | ({"horizon": steps_of(row.values)} if "horizon" in row.values else {})
+        text = ", ".join(f"{name} {value:g}" for name, value in values.items())
+        cells = (row.plant, row.controller, rmse, others, settled, offset, weak, travel, text)
+        lines.append(f"| {' | '.join(cells)} |")
     names = [subject.name for subject in SUBJECTS.values()]
     lines += [
         "",
@@ -235,11 +237,6 @@ def tables(rows: Sequence[Row]) -> str:
             f"{float(f'{m / medians[0]:.2g}'):g}" for m in medians[1:]
         ]
         lines.append(f"| {plant} | {' | '.join(cells)} |")
-    lines += ["", "| plant | controller | tuned to |", "|---|---|---|"]
-    for row in rows:
-        values = row.values | ({"horizon": steps_of(row.values)} if "horizon" in row.values else {})
-        text = ", ".join(f"{name} {value:g}" for name, value in values.items())
-        lines.append(f"| {row.plant} | {row.controller} | {text} |")
     where = ", ".join(f"{name} {value}" for name, value in machine().items())
     return "\n".join([*lines, "", f"*{FLIGHTS} flights each, seed {SEED}; {where}.*"])
 

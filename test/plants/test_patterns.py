@@ -41,8 +41,9 @@ def table(heading):
     return rows
 
 
-AT_ONCE = table("pattern | alpha [rad] | surge")
-HELD = table("pattern | alpha [rad] | fall rate")
+_EFFECTS = table("pattern | alpha [rad] | surge")
+AT_ONCE = [row[:8] for row in _EFFECTS]
+HELD = [row[:2] + row[8:] for row in _EFFECTS]
 LARGEST = table("pattern | surge")
 ALPHAS = np.linspace(-1.5, 1.5, 61)
 
