@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The joint angles of a posture and its movement pattern over the pattern angle alpha."""
 
+from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,67 +19,37 @@ Array = NDArray[np.float64]
 _SAME_POSTURE_RAD = 1e-6
 
 
-class Movement(Protocol):
-    """Joint angles (15, 3) [rad] and their derivative, in the order of `JOINTS`, at a pattern angle [rad]."""
+class Movement(NamedTuple):
+    """Joint angles (..., 15, 3) [rad] at pattern angles (...) [rad], and their derivative, in the order of `JOINTS`."""
 
-    def angles(self, alpha: float) -> Array:
-        """Joint angles (15, 3) [rad]."""
-        ...
-
-    def all_angles(self, alphas: Array) -> Array:
-        """Joint angles (n, 15, 3) [rad] at n pattern angles."""
-        ...
-
-    def slope(self, alpha: float) -> Array:
-        """Change of the joint angles (15, 3) per change of alpha [rad/rad]."""
-        ...
+    angles: Callable[[Any], Array]
+    slope: Callable[[Any], Array]
 
 
 def movement(posture: Posture, pattern: MovementPattern | PosturePath, ratio: float = 1.0) -> Movement:
     """The body's motion over alpha: along a direction from the posture, or through the postures of a path.
 
-    `ratio` multiplies the distance of all joint angles from those of the posture.
+    A path is of piecewise cubics: angles stay between their two neighbours, slopes are continuous. `ratio` multiplies
+    the distance of all joint angles from those of the posture.
     """
-    if isinstance(pattern, PosturePath):
-        return _Path(posture, pattern, ratio)
-    return _Straight(posture, pattern, ratio)
+    neutral = posture_angles(posture)
+    if isinstance(pattern, MovementPattern):
+        direction = ratio * pattern_direction(pattern)
+        return Movement(
+            partial(_along, neutral, direction), partial(_along, direction, np.zeros_like(direction))
+        )
+    from scipy.interpolate import PchipInterpolator
+
+    rows = np.array([posture_angles(keyframe.posture) for keyframe in pattern.keyframes])
+    rows += (ratio - 1.0) * (rows - neutral)
+    path = PchipInterpolator([keyframe.alpha for keyframe in pattern.keyframes], rows)
+    return Movement(path, path.derivative())
 
 
-class _Straight:
+def _along(neutral: Array, direction: Array, alpha: Any) -> Array:
     """neutral + alpha * direction."""
-
-    def __init__(self, posture: Posture, pattern: MovementPattern, ratio: float) -> None:
-        self._neutral, self._direction = posture_angles(posture), ratio * pattern_direction(pattern)
-
-    def angles(self, alpha: float) -> Array:
-        return self._neutral + alpha * self._direction
-
-    def all_angles(self, alphas: Array) -> Array:
-        return self._neutral + alphas[:, None, None] * self._direction
-
-    def slope(self, alpha: float) -> Array:
-        return self._direction
-
-
-class _Path:
-    """Piecewise cubics through the postures: angles stay between their two neighbours, slopes are continuous."""
-
-    def __init__(self, posture: Posture, path: PosturePath, ratio: float) -> None:
-        from scipy.interpolate import PchipInterpolator
-
-        rows = np.array([posture_angles(keyframe.posture) for keyframe in path.keyframes])
-        rows += (ratio - 1.0) * (rows - posture_angles(posture))
-        self._angles = PchipInterpolator([keyframe.alpha for keyframe in path.keyframes], rows)
-        self._slope = self._angles.derivative()
-
-    def angles(self, alpha: float) -> Array:
-        return np.asarray(self._angles(alpha), dtype=float)
-
-    def all_angles(self, alphas: Array) -> Array:
-        return np.asarray(self._angles(alphas), dtype=float)
-
-    def slope(self, alpha: float) -> Array:
-        return np.asarray(self._slope(alpha), dtype=float)
+    found: Array = neutral + np.multiply.outer(alpha, direction)
+    return found
 
 
 def check_movement(settings: SkydiverSettings, moves: Movement) -> None:

@@ -8,7 +8,6 @@ every profile is 0.
 import math
 from abc import abstractmethod
 from collections.abc import Callable
-from functools import partial
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -55,7 +54,11 @@ class Profile(CurveSettings):
     def curve(self) -> Curve:
         """The profile from `start_s` on."""
         shape = self.shape()
-        value = partial(_value_since, start_s=self.start_s, function=shape.value)
+
+        def value(time_s: float) -> Array:
+            since_s = time_s - self.start_s
+            return np.array([shape.value(since_s) if round(since_s, _DIGITS) >= 0.0 else 0.0])
+
         return Curve((self.output,), np.array([shape.largest]), value, shape.shortest_s)
 
 
@@ -229,9 +232,16 @@ class Chirp(Scaled):
 
     def shape(self) -> Shape:
         """The sweep."""
-        sweep = (self.from_hz, self.to_hz, self.duration_s)
-        function = partial(_chirp, amplitude=self.size, phase=math.radians(self.phase_deg), sweep=sweep)
-        return Shape(function, abs(self.size), 1.0 / max(self.from_hz, self.to_hz))
+        amplitude, phase = self.size, math.radians(self.phase_deg)
+        from_hz, to_hz, duration_s = self.from_hz, self.to_hz, self.duration_s
+
+        def value(since_s: float) -> float:
+            swept_s = min(since_s, duration_s)
+            mean_hz = from_hz + 0.5 * (to_hz - from_hz) * swept_s / duration_s
+            cycles = mean_hz * swept_s + to_hz * (since_s - swept_s)
+            return amplitude * math.sin(2.0 * math.pi * cycles + phase)
+
+        return Shape(value, abs(amplitude), 1.0 / max(from_hz, to_hz))
 
 
 class Rotation(Profile):
@@ -246,25 +256,22 @@ class Rotation(Profile):
 
     def shape(self) -> Shape:
         """One period of a raised cosine."""
-        mean = math.radians(self.angle_deg) / self.duration_s
-        function = partial(_rotation, mean=mean, duration_s=self.duration_s)
-        return Shape(function, 2.0 * abs(mean), self.duration_s)
+        duration_s, mean = self.duration_s, math.radians(self.angle_deg) / self.duration_s
 
+        def value(since_s: float) -> float:
+            share = min(max(since_s / duration_s, 0.0), 1.0)
+            return mean * (1.0 - math.cos(2.0 * math.pi * share))
 
-def _value_since(time_s: float, start_s: float, function: Callable[[float], float]) -> Array:
-    since_s = time_s - start_s
-    return np.array([function(since_s) if round(since_s, _DIGITS) >= 0.0 else 0.0])
+        return Shape(value, 2.0 * abs(mean), duration_s)
 
 
 def _lines(*points: tuple[float, float]) -> Shape:
     """Straight lines through points (time, value); of two at one time the later one counts from then on."""
-    times, values = zip(*points, strict=True)
-    function = partial(_on_lines, times=np.round(times, _DIGITS), values=np.array(values))
-    return Shape(function, max(map(abs, values)))
-
-
-def _on_lines(since_s: float, times: Array, values: Array) -> float:
-    return float(np.interp(round(since_s, _DIGITS), times, values))
+    times, values = np.array(points).T
+    times = np.round(times, _DIGITS)
+    return Shape(
+        lambda since_s: float(np.interp(round(since_s, _DIGITS), times, values)), float(np.abs(values).max())
+    )
 
 
 def _sine(amplitude: float, frequency_hz: float, phase_deg: float) -> Component:
@@ -275,22 +282,8 @@ def _sine(amplitude: float, frequency_hz: float, phase_deg: float) -> Component:
 def _sines(sines: list[Component]) -> Shape:
     largest = sum(abs(amplitude) for amplitude, _, _ in sines)
     shortest_s = 2.0 * math.pi / max(rate for _, rate, _ in sines)
-    return Shape(partial(_sum_of_sines, sines=sines), largest, shortest_s)
 
+    def value(since_s: float) -> float:
+        return sum([amplitude * math.sin(rate * since_s + phase) for amplitude, rate, phase in sines])
 
-def _sum_of_sines(since_s: float, sines: list[Component]) -> float:
-    return sum([amplitude * math.sin(rate * since_s + phase) for amplitude, rate, phase in sines])
-
-
-def _chirp(since_s: float, amplitude: float, phase: float, sweep: tuple[float, float, float]) -> float:
-    """Sweep: first frequency [Hz], last frequency [Hz], duration [s]."""
-    from_hz, to_hz, duration_s = sweep
-    swept_s = min(since_s, duration_s)
-    mean_hz = from_hz + 0.5 * (to_hz - from_hz) * swept_s / duration_s
-    cycles = mean_hz * swept_s + to_hz * (since_s - swept_s)
-    return amplitude * math.sin(2.0 * math.pi * cycles + phase)
-
-
-def _rotation(since_s: float, mean: float, duration_s: float) -> float:
-    share = min(max(since_s / duration_s, 0.0), 1.0)
-    return mean * (1.0 - math.cos(2.0 * math.pi * share))
+    return Shape(value, largest, shortest_s)

@@ -3,7 +3,6 @@
 
 import csv
 import math
-from functools import partial
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
@@ -13,7 +12,7 @@ from typing_extensions import Self
 
 from skydiver_utc.parameters.fields import quantity, text
 from skydiver_utc.parameters.yaml_io import number as finite_number
-from skydiver_utc.references.curve import Array, Curve, CurveSettings
+from skydiver_utc.references.curve import Curve, CurveSettings
 from skydiver_utc.references.profiles import Output, Seconds
 
 _TIME = "time_s"
@@ -120,10 +119,10 @@ def _refuse_disorder(times: list[float], name: str) -> None:
 
 def _table(outputs: tuple[str, ...], times: list[float], values: Any) -> Curve:
     """Straight lines between rows (l,); constant before the first and after the last."""
-    rows = np.array(values, dtype=np.float64)
-    value = partial(_between, times=np.array(times), columns=rows.T.copy())
-    return Curve(outputs, np.abs(rows).max(axis=0), value)
-
-
-def _between(time_s: float, times: Array, columns: Array) -> Array:
-    return np.array([np.interp(time_s, times, column) for column in columns])
+    rows, at = np.array(values, dtype=np.float64), np.array(times)
+    columns = rows.T.copy()
+    return Curve(
+        outputs,
+        np.abs(rows).max(axis=0),
+        lambda time_s: np.array([np.interp(time_s, at, column) for column in columns]),
+    )

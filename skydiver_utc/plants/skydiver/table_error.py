@@ -96,7 +96,7 @@ def _suspects(
     node to node, as sines of angles are no cubics; and the first and the last stretch, where the table's cubics are
     off their centre.
     """
-    at_nodes, exact = moves.all_angles(nodes), moves.all_angles(alphas).reshape(len(alphas), -1)
+    at_nodes, exact = moves.angles(nodes), moves.angles(alphas).reshape(len(alphas), -1)
     joint_angles = np.zeros_like(model.geometry)
     joint_angles[:, : exact.shape[1]] = at_nodes.reshape(len(nodes), -1)
     tabulated, row = model._replace(geometry=joint_angles), np.empty(GEOMETRY_SIZE)
