@@ -173,10 +173,7 @@ def _reference(recording: RecordedRun, run: Run, ahead: int) -> tuple[Floats, in
     values[: len(setpoints)] = np.where(
         np.isnan(values[: len(setpoints)]), setpoints, values[: len(setpoints)]
     )
-    missing = np.isnan(values)
-    if missing.any():
-        values = np.where(missing, recording.reference.preview(first, count), values)
-    return values, int(missing.any(axis=1).sum())
+    return recording.filled(values, first)
 
 
 def report(found: Check) -> dict[str, Any]:

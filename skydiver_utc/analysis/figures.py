@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.analysis.labels import at_the_latest, missing
+from skydiver_utc.analysis.labels import facts, missing
 from skydiver_utc.analysis.metrics import CONVERGED_SHARE, metrics
 from skydiver_utc.analysis.numbers import SETTLING_S, row_from
 from skydiver_utc.analysis.skydiver import angle_turned_deg, is_skydiver
@@ -98,18 +98,10 @@ def _draw_title(figure: "Figure", run: Run, values: dict[str, Any]) -> None:
     inches = figure.get_figheight()
     title = textwrap.shorten(run.scenario.title or run.scenario.name, width=80, placeholder=" ...")
     figure.text(0.02, 1.0 - 0.16 / inches, title, fontsize=13, fontweight="bold", va="top")
-    facts = [run.outcome.value.replace("_", " ")]
-    for name, found in values["outputs"].items():
-        scale = shown(run.plant, name)
-        words = "" if len(values["outputs"]) == 1 else f"{scale.name}: "
-        if found["rmse"] is not None:
-            facts.append(f"{words}RMSE {short(scale.factor * found['rmse'])} {scale.unit}")
-            facts.append(f"largest error {short(scale.factor * found['max_abs_error'])} {scale.unit}")
-    since = values["convergence_time_s"]
-    if since is not None:
-        facts.append(f"inside 5 % from {since:.2f} s on{at_the_latest(values, 'convergence_time_s', since)}")
     fine = run.outcome is Outcome.COMPLETED
-    line = textwrap.shorten("   |   ".join(facts), width=150, placeholder=" ...", drop_whitespace=False)
+    line = textwrap.shorten(
+        "   |   ".join(facts(values)), width=150, placeholder=" ...", drop_whitespace=False
+    )
     figure.text(0.02, 1.0 - 0.42 / inches, line, va="top", color=GREY if fine else VERMILLION)
     remarks = "; ".join(filter(None, (missing(values), "" if fine else run.reason)))
     shortened = textwrap.shorten(remarks, width=105, placeholder=" ...")
@@ -127,13 +119,13 @@ def _draw_output(axes: "Axes", run: Run, name: str) -> None:
 
 def _draw_tracked(axes: "Axes", run: Run, j: int) -> None:
     name = run.tracked_names[j]
-    scale, reach = shown(run.plant, name), _reach(run, j)
+    scale, most = shown(run.plant, name), reach(run, j)
     actual, wanted = (_drawn(scale.factor * each) for each in (run.output(name), run.reference[:, j]))
     axes.plot(run.time_s, wanted, color=ORANGE, linewidth=4.5, alpha=0.75, label="reference")
     axes.plot(run.time_s, actual, color=BLUE, linewidth=1.3, label="actual")
     values = np.append(actual[np.isfinite(actual)], wanted)
     # A run that diverges must not press the reference flat.
-    low, high = max(float(values.min()), -reach), min(float(values.max()), reach)
+    low, high = max(float(values.min()), -most), min(float(values.max()), most)
     margin = 0.06 * (high - low) or 0.1 * (abs(high) or 1.0)
     axes.set_ylim(low - margin, high + margin)
     axes.set_ylabel(scale.label)
@@ -150,7 +142,7 @@ def _draw_error(axes: "Axes", run: Run, j: int) -> None:
     )
     start = row_from(SETTLING_S, run)
     settled = error[start:] if start < len(error) else error
-    reach = min(max(1.15 * _largest(settled), 1.4 * band, 1e-9), _reach(run, j))
+    most = min(max(1.15 * _largest(settled), 1.4 * band, 1e-9), reach(run, j))
     if band > 0.0:
         axes.axhspan(-band, band, color=GREEN, alpha=0.14, linewidth=0.0)
         axes.text(
@@ -158,10 +150,10 @@ def _draw_error(axes: "Axes", run: Run, j: int) -> None:
             ha="right", va="bottom", fontsize=8.0, color="#00694D",
         )  # fmt: skip
     axes.plot(run.time_s, error, color=VERMILLION, linewidth=1.1)
-    axes.set_ylim(-reach, reach)
+    axes.set_ylim(-most, most)
     axes.set_ylabel(f"error\n[{scale.unit}]")
     _shade_settling(axes, run)
-    if _largest(error) > reach:
+    if _largest(error) > most:
         axes.text(
             0.995, 0.95, f"off the scale: up to {short(_largest(error))} {scale.unit}", transform=axes.transAxes,
             ha="right", va="top", fontsize=8.0, color=GREY, bbox=PLATE, zorder=5,
@@ -227,8 +219,8 @@ def _shade_settling(axes: "Axes", run: Run) -> None:
         axes.axvspan(0.0, SETTLING_S, color=PALE, alpha=0.6, linewidth=0.0, zorder=0, label="not in the RMSE")
 
 
-def _reach(run: Run, j: int) -> float:
-    """Half height of an axis of an output that a diverging run cannot press flat."""
+def reach(run: Run, j: int) -> float:
+    """Half height of an axis of a tracked output, in the unit shown, that a diverging run cannot press flat."""
     name = run.tracked_names[j]
     wanted, actual = _largest(run.reference[:, j]), _largest(run.output(name))
     # Around a reference of zero the actual values set the scale, as far as the run goes well.

@@ -4,6 +4,7 @@
 from typing import Any, NamedTuple
 
 from skydiver_utc.analysis.numbers import SETTLING_S
+from skydiver_utc.analysis.style import short
 from skydiver_utc.analysis.units import in_degrees
 
 # Of each tracked output. In a label SINCE is the time from which on the errors count.
@@ -59,6 +60,21 @@ def rows(values: dict[str, Any]) -> list[Row]:
         label = f"{name.replace('_', ' ')}: mean NIS, {low} to {high} expected: {sensor['verdict']}"
         found.append(Row(label, _text(sensor["nis_mean"], ".3g"), ""))
     return found + [_change(change) for change in values["parameter_changes"]]
+
+
+def facts(values: dict[str, Any]) -> list[str]:
+    """The outcome, and how closely and since when the outputs were tracked, in a few words each."""
+    found, outputs = [values["outcome"].replace("_", " ")], values["outputs"]
+    for name, output in outputs.items():
+        unit, factor = in_degrees(output["unit"])
+        of = f"{name.replace('_', ' ')}: " if len(outputs) > 1 else ""
+        for key, words in (("rmse", f"{of}RMSE"), ("max_abs_error", "largest error")):
+            if output[key] is not None:
+                found.append(f"{words} {short(factor * output[key])} {unit}")
+    since = values["convergence_time_s"]
+    if since is not None:
+        found.append(f"inside 5 % from {since:.2f} s on{at_the_latest(values, 'convergence_time_s', since)}")
+    return found
 
 
 def missing(values: dict[str, Any]) -> str:

@@ -106,6 +106,7 @@ class RecordedRun:
         judged = {f"{name}_{sensor}" for name in JUDGEMENT for sensor in sensors}
         own_estimated = [j for j, name in enumerate(of_estimator) if name not in judged]
         unknown = np.full(end - first, np.nan)
+        reference, self.reference_added = self.filled(self.setpoints()[first : end + 1], first)
         lasts = {"state": states.last, "command": commands.last, "applied_command": applied.last}
         return Run(
             scenario=self.scenario,
@@ -113,7 +114,7 @@ class RecordedRun:
             states=states.values[first : end + 1],
             commands=commands.values[first:end],
             applied=applied.values[first:end],
-            reference=self._reference(first, end),
+            reference=reference,
             tracked_names=self.reference.outputs,
             amplitude=self.reference.amplitude,
             telemetry=np.hstack((telemetry[:, own], estimated[:, own_estimated])),
@@ -200,13 +201,12 @@ class RecordedRun:
         names = self.plant.control_names
         return self._steps.rows(name, len(names), lambda message: read_named(message, names))
 
-    def _reference(self, first: int, end: int) -> Floats:
-        values = self.setpoints()[first : end + 1]
+    def filled(self, values: Floats, first: int) -> tuple[Floats, int]:
+        """A reference (K, l) from a step on with the scenario's own values for what is NaN; in how many steps."""
         missing = np.isnan(values)
-        self.reference_added = int(missing.any(axis=1).sum())
-        return (
-            np.where(missing, self.reference.preview(first, len(values)), values) if missing.any() else values
-        )
+        if missing.any():
+            values = np.where(missing, self.reference.preview(first, len(values)), values)
+        return values, int(missing.any(axis=1).sum())
 
     def _telemetry(
         self, topic: str, first: int, end: int, needed: Iterable[str]

@@ -52,18 +52,11 @@ _INDEX = {segment.name: i for i, segment in enumerate(SEGMENTS)}
 
 # Direction from the proximal to the distal end in the segment's own axes; trunk and head count from the hip.
 _UP, _DOWN, _VENTRAL = np.array([1.0, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
-_DISTAL = {
-    "lower_trunk": _UP,
-    "mid_trunk": _UP,
-    "upper_trunk": _UP,
-    "head": _UP,
-    "upper_arm": _DOWN,
-    "forearm": _DOWN,
-    "hand": _DOWN,
-    "thigh": _DOWN,
-    "shank": _DOWN,
-    "foot": _VENTRAL,
-}
+_DISTAL = (
+    dict.fromkeys(("lower_trunk", "mid_trunk", "upper_trunk", "head"), _UP)
+    | dict.fromkeys(("upper_arm", "forearm", "hand", "thigh", "shank"), _DOWN)
+    | {"foot": _VENTRAL}
+)
 # The ankle sits over the foot this share of its length from the heel.
 _ANKLE_FROM_HEEL = 0.25
 

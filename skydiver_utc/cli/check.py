@@ -39,7 +39,7 @@ def check(
     else:
         _show(values)
     if figure is not None:
-        from skydiver_utc.analysis.check_figure import check_figure
+        from skydiver_utc.analysis.control_figures import check_figure
         from skydiver_utc.analysis.style import picture
 
         write_file(figure, picture(check_figure(found, name), form_of(figure)))

@@ -20,8 +20,8 @@ def inputs(folder: Path, as_json: bool) -> None:
     Writes inputs.json and inputs.png into RUN. The states are the recorded estimates of a run on sensors, else the
     true ones. Controls that hardly move the outputs are reported as not seen.
     """
+    from skydiver_utc.analysis.control_figures import inputs_figure
     from skydiver_utc.analysis.inputs import estimate_inputs, report
-    from skydiver_utc.analysis.inputs_figure import inputs_figure
     from skydiver_utc.analysis.metrics import to_json
     from skydiver_utc.analysis.recorded_run import read_run
     from skydiver_utc.analysis.style import png

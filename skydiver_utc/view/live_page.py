@@ -4,6 +4,7 @@
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -49,8 +50,7 @@ class Page:
         ]
         self._play = gui.add_button("Pause")
         self.on("Play or pause", self.toggle, self._play, "space")
-        speed = gui.add_dropdown("speed", _SPEEDS, initial_value="1")
-        speed.on_update(lambda _: self.later("speed", lambda: self._set_speed(float(speed.value))))
+        self.on_change("speed", gui.add_dropdown("speed", _SPEEDS, initial_value="1"), self._set_speed)
         self.add_controls()
         self._add_what_is_shown()
         gui.main_panel.dock_right()
@@ -73,6 +73,10 @@ class Page:
         """Act at the next frame after a click on a button, or after a key."""
         button.on_click(lambda _: self.later(words, act))
         self.server.gui.add_command(words, hotkey=hotkey).on_trigger(lambda _: self.later(words, act))
+
+    def on_change(self, name: str, control: Any, apply: Callable[[Any], None]) -> None:
+        """Apply a control's value at the next frame after a change."""
+        control.on_update(lambda _: self.later(name, lambda: apply(control.value)))
 
     def later(self, name: str, act: Callable[[], None]) -> None:
         """Act at the next frame; of several under one name only the newest. Called from the server's threads."""
@@ -128,8 +132,8 @@ class Page:
         """Stop the server."""
         self._open.close()
 
-    def _set_speed(self, speed: float) -> None:
-        self._speed = speed
+    def _set_speed(self, speed: str) -> None:
+        self._speed = float(speed)
 
     def _prepare_scene(self, count: int) -> None:
         scene = self.server.scene
@@ -143,15 +147,10 @@ class Page:
         gui = self.server.gui
         with gui.add_folder("View", expand_by_default=False):
             for part in FlightView.PARTS:
-                self._add_switch(part)
+                self.on_change(part, gui.add_checkbox(part, True), partial(self._show_part, part))
             ahead = gui.add_slider("ghost ahead [s]", 0.0, 1.0, 0.05, 0.0, hint="0: the controller's horizon")
-            ahead.on_update(lambda _: self.later("ahead", lambda: self._look_ahead(ahead.value)))
-            dark = gui.add_checkbox("dark", False)
-            dark.on_update(lambda _: self._set_dark(dark.value))
-
-    def _add_switch(self, part: str) -> None:
-        switch = self.server.gui.add_checkbox(part, True)
-        switch.on_update(lambda _: self.later(part, lambda: self._show_part(part, switch.value)))
+            self.on_change("ahead", ahead, self._look_ahead)
+            self.on_change("dark", gui.add_checkbox("dark", False), self._set_dark)
 
     def _show_part(self, part: str, shown: bool) -> None:
         for view in self.views:

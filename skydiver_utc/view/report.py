@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from skydiver_utc.analysis import style
-from skydiver_utc.analysis.labels import missing, rows
+from skydiver_utc.analysis.figures import reach
+from skydiver_utc.analysis.labels import facts, missing, rows
 from skydiver_utc.analysis.numbers import SETTLING_S
 from skydiver_utc.analysis.units import shown
 from skydiver_utc.loop.outcome import Outcome
@@ -21,7 +22,7 @@ from skydiver_utc.parameters import to_yaml
 from skydiver_utc.studies.paper_words import paper_words
 from skydiver_utc.view.player import has_bodies, player_page, poses_at
 from skydiver_utc.view.scene import RUNS
-from skydiver_utc.view.signals import charts, silent
+from skydiver_utc.view.signals import charts
 from skydiver_utc.view.stills import drawing, moments
 
 
@@ -54,10 +55,9 @@ def report_html(flown: Sequence[Flown]) -> str:
         heading="alone" if alone else "",
         columns="two" if seen else "",
         bodies='<iframe id="bodies" title="the bodies in 3-D"></iframe>' if seen else "",
-        notes=_notes(flown),
         configuration="".join(_configuration(one, alone) for one in flown),
         scene=_json(player_page([runs[i] for i in seen], colours)) if seen else "",
-        data=_json(_data(runs, [one.name for one in flown])),
+        data=_json(_data(flown)),
         css=Template((page / "report.css").read_text(encoding="utf-8")).substitute(vars(style)),
         script=(page / "report.js").read_text(encoding="utf-8"),
     )
@@ -65,20 +65,12 @@ def report_html(flown: Sequence[Flown]) -> str:
 
 def _sentence(one: Flown, alone: bool) -> str:
     """The maneuver and its result."""
-    run, scenario, facts = one.run, one.run.scenario, []
-    for name, found in one.metrics["outputs"].items():
-        scale = shown(run.plant, name)
-        if found["rmse"] is not None:
-            of = f" of {scale.name}" if len(one.metrics["outputs"]) > 1 else ""
-            facts.append(f"RMSE{of} {scale.factor * found['rmse']:.3g} {scale.unit}")
-    since = one.metrics["convergence_time_s"]
-    facts += [f"inside 5 % from {since:.2f} s on"] if since is not None else []
+    run, scenario = one.run, one.run.scenario
     words = " and ".join(name.replace("_", " ") for name in run.tracked_names)
     control = (
         f"{words} tracked by {scenario.controller.kind}" if run.tracks_outputs else f"{words} flown open loop"
     )
-    result = "; ".join([run.outcome.value.replace("_", " "), *facts])
-    text = f"{control} for {run.time_s[-1] - run.time_s[0]:.3g} s: {result}."
+    text = f"{control} for {run.time_s[-1] - run.time_s[0]:.3g} s: {'; '.join(facts(one.metrics))}."
     return f"{text[:1].upper()}{text[1:]}" if alone else f"{one.name}: {text}"
 
 
@@ -126,15 +118,6 @@ def _stills(run: Run) -> str:
     )
 
 
-def _notes(flown: Sequence[Flown]) -> str:
-    still = sorted({name.replace("_", " ") for one in flown for name in silent(one.run)})
-    return _paragraphs(
-        ("soft", f"Zero throughout, without a chart: {', '.join(still)}." if still else ""),
-        ("soft", "A curve of more than 1200 steps is drawn by the smallest and the largest value of each of 600"
-         " stretches; `skydiver-utc export` gives every step."),
-    )  # fmt: skip
-
-
 def _configuration(one: Flown, alone: bool) -> str:
     of = "" if alone else f" of {escape(one.name)}"
     versions = "".join(_line("td", [("", name), ("", str(value))]) for name, value in one.versions.items())
@@ -144,9 +127,10 @@ def _configuration(one: Flown, alone: bool) -> str:
     ) + (f"<details><summary>Versions{of}</summary><table>{versions}</table></details>" if versions else "")
 
 
-def _data(runs: Sequence[Run], names: Sequence[str]) -> dict[str, Any]:
+def _data(flown: Sequence[Flown]) -> dict[str, Any]:
     """What the script draws, arrays as base64 of float32."""
-    found = charts(runs, names)
+    runs = [one.run for one in flown]
+    found = charts(runs, [one.name for one in flown])
     for chart in found:
         for curve in chart["curves"]:
             curve |= {
@@ -159,10 +143,9 @@ def _data(runs: Sequence[Run], names: Sequence[str]) -> dict[str, Any]:
         "begin": min(run.time_s[0] for run in runs),
         "end": max(max(run.time_s[-1] for run in runs), runs[0].time_s[0] + runs[0].scenario.dt_s),
         "several": len(runs) > 1,
-        "holes": [[run.time_s[a - run.first_step], run.time_s[min(b + 1 - run.first_step, len(run.time_s) - 1)]]
-                  for run in runs for a, b in run.holes],
+        "holes": [hole for one in flown for hole in one.metrics["holes_s"]],
         "charts": found,
-    }  # fmt: skip
+    }
 
 
 def _reach(runs: Sequence[Run], chart: Mapping[str, Any]) -> float | None:
@@ -170,12 +153,12 @@ def _reach(runs: Sequence[Run], chart: Mapping[str, Any]) -> float | None:
     if chart["section"] != "Tracking" or all(run.outcome is not Outcome.DIVERGED for run in runs):
         return None
     found = [
-        2.5 * shown(run.plant, name).factor * float(np.nanmax(np.abs(run.reference[:, j])))
+        reach(run, j)
         for run in runs
         for j, name in enumerate(run.tracked_names)
         if chart["title"].startswith(shown(run.plant, name).name)
     ]
-    return max(found, default=0.0) or None
+    return max(found, default=None)
 
 
 def _json(value: object) -> str:

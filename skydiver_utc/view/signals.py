@@ -46,15 +46,6 @@ def signals(run: Run) -> list[Signal]:
     return [*_tracked(run), *_controls(run), *body, *some, *_estimates(run)]
 
 
-def silent(run: Run) -> list[str]:
-    """Telemetry that `signals` leaves out: zero throughout."""
-    return [
-        name
-        for name, column in zip(run.telemetry_names, run.telemetry.T, strict=True)
-        if not (column.any() or name.startswith(_DEVIATION))
-    ]
-
-
 def _tracked(run: Run) -> Iterator[Signal]:
     for j, name in enumerate(run.tracked_names):
         scale = shown(run.plant, name)

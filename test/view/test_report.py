@@ -66,7 +66,6 @@ def test_a_page_has_metrics_charts_stills_scenario_and_versions() -> None:
         "2.4.6",
         "epoch_s: 1700000000",
         "<ellipse",
-        "recovery",
     ):
         assert part in text
     drawn = {"yaw rate", "yaw rate: error", "alpha", "body rates", "attitude", "speed", "solve time"}
