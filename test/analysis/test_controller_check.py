@@ -67,12 +67,15 @@ def test_a_recorded_controller_decides_as_recorded(scenario: str, tmp_path: Path
     assert f"all {len(found.commands)} commands" in result.output
 
 
-def test_nothing_is_added_to_a_reference_that_was_recorded(folder: Path) -> None:
+def test_nothing_is_added_to_a_reference_that_was_recorded_and_no_check_keeps_a_memory(folder: Path) -> None:
     values = report(folder)
     assert (values["equal"], values["reference_steps_not_recorded"]) == (True, 0)
     assert values["reference_steps_revised"] == 0
     assert values["first_difference"] is None
     assert {of["largest"] for of in values["controls"].values()} == {0.0}
+    recording = RecordedRun(folder)
+    assert check(recording).equal
+    assert check(recording).equal
 
 
 def test_the_controller_gets_the_previews(run: Run, tmp_path: Path) -> None:
@@ -88,10 +91,12 @@ def test_the_controller_gets_the_previews(run: Run, tmp_path: Path) -> None:
     assert values["reference_steps_revised"] == ahead
 
 
-@pytest.mark.parametrize(("step", "control"), [(0, 3), (142, 2)])
+@pytest.mark.parametrize(("step", "control"), [(0, 3), (142, 2), (0, 1)])
 def test_one_bit_in_one_command_is_found(run: Run, tmp_path: Path, step: int, control: int) -> None:
+    """Also the sign of a zero."""
     commands = run.commands.copy()
-    commands[step, control] = np.nextafter(commands[step, control], 9.0)
+    value = commands[step, control]
+    commands[step, control] = np.nextafter(value, 9.0) if value else -value
     changed = dataclasses.replace(run, commands=commands)
     result = call(write_run(tmp_path / "run", changed, with_previews(run)), "--json")
     assert result.exit_code == 1
@@ -104,15 +109,6 @@ def test_one_bit_in_one_command_is_found(run: Run, tmp_path: Path, step: int, co
         "recorded": commands[step, control],
         "computed": run.commands[step, control],
     }
-
-
-def test_the_sign_of_zero_counts(run: Run, tmp_path: Path) -> None:
-    zero = int(np.flatnonzero(run.commands[:, 1] == 0.0)[0])
-    commands = run.commands.copy()
-    commands[zero, 1] = -commands[zero, 1]
-    changed = dataclasses.replace(run, commands=commands)
-    values = report(write_run(tmp_path / "run", changed, with_previews(run)))
-    assert values["first_difference"]["step"] == zero
 
 
 def test_another_controller_decides_at_the_recorded_states(folder: Path, run: Run, tmp_path: Path) -> None:
@@ -197,20 +193,10 @@ def test_without_its_beginning_a_recording_cannot_be_checked(run: Run, tmp_path:
     assert (result.exit_code, "step 30" in result.output) == (2, True)
 
 
-@pytest.mark.parametrize(
-    ("setting", "words"),
-    [
-        ("dt_s=0.005", "dt_s"),
-        ("reference.amplitude_deg_s=10", "reference"),
-        ("controller.horizon=5", "controller.horizon"),
-    ],
-)
-def test_wrong_settings_are_refused(folder: Path, setting: str, words: str) -> None:
+@pytest.mark.parametrize("setting", ["dt_s=0.005", "reference.amplitude_deg_s=10", "controller.horizon=5"])
+def test_wrong_settings_are_refused(folder: Path, setting: str) -> None:
     result = call(folder, "--set", setting)
-    assert (result.exit_code, words in result.output) == (2, True)
-
-
-def test_a_check_keeps_no_memory_of_an_earlier_one(folder: Path) -> None:
-    recording = RecordedRun(folder)
-    assert check(recording).equal
-    assert check(recording).equal
+    assert (result.exit_code, setting.split("=")[0].removesuffix(".amplitude_deg_s") in result.output) == (
+        2,
+        True,
+    )

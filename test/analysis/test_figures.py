@@ -31,25 +31,19 @@ def line(figure: Figure, row: int, label: str) -> Any:
     return next(one for one in figure.axes[row].lines if one.get_label() == label)
 
 
-def test_a_skydiver_has_its_names_and_degrees() -> None:
-    written = texts(tracking_figure(run_of(103.0)))
-    for part in (
-        "Synthetic run",
-        "completed",
-        "RMSE 3.00 deg/s",
-        "yaw rate [deg/s]",
-        "alpha\n[rad]",
-        "time [s]",
-    ):
-        assert part in written
-
-
-def test_another_plant_has_its_own_names() -> None:
-    figure = tracking_figure(run_of(scenario=cart()))
-    written = texts(figure)
-    for part in ("A cart on rails", "place [1]", "speed [1]", "force\n[1]"):
-        assert part in written
-    assert len(figure.axes) == 5  # value and error of two outputs, one control
+@pytest.mark.parametrize(
+    ("run", "words"),
+    [
+        (run_of(103.0), "Synthetic run|completed|RMSE 3.00 deg/s|yaw rate [deg/s]|alpha\n[rad]|time [s]"),
+        (run_of(scenario=cart()), "A cart on rails|place [1]|speed [1]|force\n[1]"),
+        (run_of(outcome=Outcome.ROLLED_OVER, reason="below the horizon at 2 s"), "below the horizon at 2 s"),
+    ],
+)
+def test_a_plant_has_its_names_and_units_and_a_run_its_mishap(run: Run, words: str) -> None:
+    """Value and error of each output, and each control, have a panel."""
+    figure = tracking_figure(run)
+    assert [word for word in words.split("|") if word not in texts(figure)] == []
+    assert len(figure.axes) == 2 * len(run.tracked_names) + len(run.plant.control_names)
 
 
 def test_the_lines_are_those_of_the_run() -> None:
@@ -61,11 +55,6 @@ def test_the_lines_are_those_of_the_run() -> None:
     assert [line(figure, row, "applied").get_ydata()[0] for row in range(2, 6)] == [1.0, 0.2, 0.3, 0.4]
     assert list(figure.axes[2].get_yticks()) == [0.0, 4.0]
     assert list(figure.axes[5].get_yticks()) == [-1.0, 0.0, 1.0]
-
-
-def test_a_mishap_is_named() -> None:
-    run = run_of(outcome=Outcome.ROLLED_OVER, reason="the dorsal axis went below the horizon at 2 s")
-    assert run.reason in texts(tracking_figure(run))
 
 
 def test_a_diverging_run_does_not_press_the_reference_flat() -> None:

@@ -12,8 +12,6 @@ from skydiver_utc.body.segments import JOINTS
 from skydiver_utc.parameters import ParameterError, scenario_names
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 
-LIMITS = "subject__joint_limits__ranges_deg"
-
 
 def plant(name="bank_recovery", **settings):
     scenario = skydiver(name, **settings)
@@ -57,15 +55,8 @@ def test_the_pattern_is_checked_at_both_ends_of_alpha(alphas, words):
 def test_a_pattern_that_bends_a_joint_too_far_is_named():
     """At alpha = -1.5 rad, by hand: -45 deg + 85.9 deg at the left ankle is beyond 20 deg."""
     components = {"left_ankle": [-1.0, 0.0, 0.0]}
-    message = refused(
-        pattern={
-            "kind": "direction",
-            "name": "kick",
-            "description": "",
-            "source": "",
-            "components": components,
-        }
-    )
+    of_kick = dict.fromkeys(("description", "source"), "") | {"components": components}
+    message = refused(pattern={"kind": "direction", "name": "kick", **of_kick})
     assert "pattern kick at alpha = -1.5" in message
     assert "left_ankle flexion of 40.9 deg is above 20.0 deg" in message
 
@@ -84,12 +75,9 @@ def test_both_sides_have_the_range_of_their_joint():
     assert upper[JOINTS.index("lumbar"), 2] == pytest.approx(math.radians(18))
 
 
-def test_limits_upside_down_are_refused():
+def test_limits_upside_down_and_a_joint_without_limits_are_named():
     with pytest.raises(ParameterError, match="flexion"):
-        skydiver(**{f"{LIMITS}__knee__flexion": [135, 0]})
-
-
-def test_a_joint_without_limits_is_named():
+        skydiver(subject__joint_limits__ranges_deg__knee__flexion=[135, 0])
     limits = skydiver().plant.subject.joint_limits
     ranges = {kind: row for kind, row in limits.ranges_deg.items() if kind != "knee"}
     with pytest.raises(ParameterError, match="'knee'"):

@@ -70,31 +70,27 @@ def refused(**settings):
     return str(caught.value)
 
 
-def test_limits_beyond_the_path_are_refused():
-    assert "keep the limits within the path" in refused(limits__alpha=[-1.0, 2.0])
-
-
-def test_a_path_that_starts_elsewhere_than_the_posture_is_refused():
-    message = refused(posture="track")
-    assert "not in posture track at initial.alpha = 0" in message
-
-
-def test_a_posture_of_a_path_beyond_the_joint_limits_is_named():
-    bent = {"name": "bent", "joint_angles_deg": {"left_knee": [170.0, 0.0, 0.0]}}
-    keyframes = [{"alpha": 0.0, "posture": "neutral"}, {"alpha": 2.0, "posture": bent}]
-    message = refused(pattern__keyframes=keyframes)
-    assert "posture bent of pattern layout is beyond the joint limits" in message
+BENT = {"name": "bent", "joint_angles_deg": {"left_knee": [170.0, 0.0, 0.0]}}
 
 
 @pytest.mark.parametrize(
-    ("keyframes", "sentence"),
+    ("settings", "words"),
     [
-        ([{"alpha": 0.0, "posture": "neutral"}], "give at least two"),
-        ([{"alpha": 1.0, "posture": "neutral"}, {"alpha": 1.0, "posture": "track"}], "sort them"),
+        ({"limits__alpha": [-1.0, 2.0]}, "keep the limits within the path"),
+        ({"posture": "track"}, "not in posture track at initial.alpha = 0"),
+        (
+            {"pattern__keyframes": [{"alpha": 0.0, "posture": "neutral"}, {"alpha": 2.0, "posture": BENT}]},
+            "posture bent of pattern layout is beyond the joint limits",
+        ),
+        ({"pattern__keyframes": [{"alpha": 0.0, "posture": "neutral"}]}, "give at least two"),
+        (
+            {"pattern__keyframes": [{"alpha": 1.0, "posture": name} for name in ("neutral", "track")]},
+            "sort them",
+        ),
     ],
 )
-def test_keyframes_that_make_no_path_are_refused(keyframes, sentence):
-    assert sentence in refused(pattern__keyframes=keyframes)
+def test_what_makes_no_path_is_refused(settings, words):
+    assert words in refused(**settings)
 
 
 def spike(at, width):

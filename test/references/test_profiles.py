@@ -18,48 +18,40 @@ name: cart
 duration_s: 1.0
 dt_s: 0.01
 {CART_PLANT}controller: {{{{kind: utc, horizon_steps: 10}}}}
-reference: {{{{output: place, {{}}}}}}
+reference: {{{{output: place, kind: {{}}}}}}
 """
 STEPS = 1200
 TIME = 0.01 * np.arange(STEPS)
 LINES = {
-    "kind: step, amplitude: 2": ([0.0], [2.0]),
-    "kind: step, amplitude: -2, start_s: 0.07": ([0.07, 0.07], [0.0, -2.0]),
-    "kind: ramp, amplitude: 2, rise_s: 0.5, start_s: 1": ([1.0, 1.5], [0.0, 2.0]),
-    "kind: trapezoid, amplitude: 2, rise_s: 0.5, hold_s: 1, start_s: 1": ([1.0, 1.5, 2.5, 3.0], [0, 2, 2, 0]),
-    "kind: trapezoid, amplitude: 1, rise_s: 0, hold_s: 0.3, start_s: 0.7": (
-        [0.7, 0.7, 1.0, 1.0],
-        [0, 1, 1, 0],
-    ),
-    "kind: doublet, amplitude: 1, hold_s: 1.1, start_s: 0.3": (
+    "step, amplitude: 2": ([0.0], [2.0]),
+    "step, amplitude: -2, start_s: 0.07": ([0.07, 0.07], [0.0, -2.0]),
+    "ramp, amplitude: 2, rise_s: 0.5, start_s: 1": ([1.0, 1.5], [0.0, 2.0]),
+    "trapezoid, amplitude: 2, rise_s: 0.5, hold_s: 1, start_s: 1": ([1.0, 1.5, 2.5, 3.0], [0, 2, 2, 0]),
+    "trapezoid, amplitude: 1, rise_s: 0, hold_s: 0.3, start_s: 0.7": ([0.7, 0.7, 1.0, 1.0], [0, 1, 1, 0]),
+    "doublet, amplitude: 1, hold_s: 1.1, start_s: 0.3": (
         [0.3, 0.3, 1.4, 1.4, 2.5, 2.5],
         [0, 1, 1, -1, -1, 0],
     ),
-    "kind: doublet, amplitude: -1, rise_s: 0.5, hold_s: 1": (
-        [0.0, 0.5, 1.5, 2.5, 3.5, 4.0],
-        [0, -1, -1, 1, 1, 0],
-    ),
+    "doublet, amplitude: -1, rise_s: 0.5, hold_s: 1": ([0.0, 0.5, 1.5, 2.5, 3.5, 4.0], [0, -1, -1, 1, 1, 0]),
 }
+W = 2 * np.pi * TIME
 SINES = {
-    "kind: sine, amplitude: 2, frequency_hz: 0.3": 2 * np.sin(0.6 * np.pi * TIME),
-    "kind: sine, amplitude: 2, frequency_hz: 0.3, phase_deg: 90": 2 * np.cos(0.6 * np.pi * TIME),
-    "kind: sine, amplitude: 2, frequency_hz: 0.3, start_s: 1": np.where(
-        TIME >= 1, 2 * np.sin(0.6 * np.pi * (TIME - 1)), 0
+    "sine, amplitude: 2, frequency_hz: 0.3": 2 * np.sin(0.3 * W),
+    "sine, amplitude: 2, frequency_hz: 0.3, phase_deg: 90": 2 * np.cos(0.3 * W),
+    "sine, amplitude: 2, frequency_hz: 0.3, start_s: 1": np.where(
+        TIME >= 1, 2 * np.sin(0.3 * (W - 2 * np.pi)), 0
     ),
-    "kind: sine, amplitude_deg_s: 180, frequency_hz: 0.5": np.pi * np.sin(np.pi * TIME),
-    "kind: multi_sine, amplitude: 0.5, frequencies_hz: [0.1, 0.35]": 0.5
-    * (np.sin(0.2 * np.pi * TIME) + np.sin(0.7 * np.pi * TIME)),
-    "kind: multi_sine, amplitude: 1, frequencies_hz: [0.1, 0.35], phases_deg: [90, -180]": np.cos(
-        0.2 * np.pi * TIME
-    )
-    - np.sin(0.7 * np.pi * TIME),
-    "kind: rotation, angle_deg: 180, duration_s: 4, start_s: 1": np.where(
+    "sine, amplitude_deg_s: 180, frequency_hz: 0.5": np.pi * np.sin(0.5 * W),
+    "multi_sine, amplitude: 0.5, frequencies_hz: [0.1, 0.35]": 0.5 * (np.sin(0.1 * W) + np.sin(0.35 * W)),
+    "multi_sine, amplitude: 1, frequencies_hz: [0.1, 0.35], phases_deg: [90, -180]": np.cos(0.1 * W)
+    - np.sin(0.35 * W),
+    "rotation, angle_deg: 180, duration_s: 4, start_s: 1": np.where(
         (TIME > 1) & (TIME < 5), np.pi / 4 * (1 - np.cos(np.pi / 2 * (TIME - 1))), 0
     ),
     # Of one sine, as nine digits of a number of periods count; its amplitude is positive with the seed 0.
-    "kind: random, amplitude: 3, to_hz: 0.4999999999, period_s: 2": 3 * np.sin(np.pi * TIME),
+    "random, amplitude: 3, to_hz: 0.4999999999, period_s: 2": 3 * np.sin(0.5 * W),
 }
-RANDOM = "kind: random, amplitude: 3, from_hz: 0.2, to_hz: 1, period_s: 20"
+RANDOM = "random, amplitude: 3, from_hz: 0.2, to_hz: 1, period_s: 20"
 
 
 def scenario(reference):
@@ -91,9 +83,7 @@ def test_sines_against_numpy(reference):
 @pytest.mark.parametrize(("f0", "f1", "phase"), [(0.1, 2.0, 0), (2.0, 0.1, 0), (0, 1, 30), (0.5, 0.5, -90)])
 def test_chirp_against_scipy(f0, f1, phase):
     """Inside the sweep; then a sine of the last frequency goes on without a jump of value or slope."""
-    found = values(
-        f"kind: chirp, amplitude: 2, from_hz: {f0}, to_hz: {f1}, duration_s: 8, phase_deg: {phase}"
-    )
+    found = values(f"chirp, amplitude: 2, from_hz: {f0}, to_hz: {f1}, duration_s: 8, phase_deg: {phase}")
     swept = TIME <= 8
     np.testing.assert_allclose(found[swept], 2 * chirp(TIME[swept], f0, 8, f1, phi=phase - 90), atol=1e-9)
     cycles = 8 * (f0 + f1) / 2 + f1 * (TIME[~swept] - 8)
@@ -126,41 +116,34 @@ def test_every_preview_has_the_same_bits_and_the_settings_come_back(reference):
     assert from_yaml(to_yaml(resolved)) == resolved
     whole = build_reference(resolved).preview(0, 400)
     fresh = build_reference(resolved)
-    for k in (371, 3, 40):
-        assert fresh.preview(k, 20).tobytes() == whole[k : k + 20].tobytes()
+    for k, count in ((371, 20), (3, 20), (40, 20), (0, 9000), (3, 20)):
+        assert fresh.preview(k, count)[:20].tobytes() == whole[k : k + 20].tobytes()
     assert fresh.preview(7, 0).shape == (0, 1)
-
-
-def test_previews_do_not_depend_on_how_much_was_asked_before():
-    reference = build_reference(scenario(RANDOM))
-    first = reference.preview(0, 30)
-    reference.preview(0, 20000)
-    assert reference.preview(0, 30).tobytes() == first.tobytes()
 
 
 @pytest.mark.parametrize(
     ("reference", "words"),
     [
-        ("kind: step", ["amplitude", "amplitude_deg_s"]),
-        ("kind: step, amplitude: 1, amplitude_deg_s: 1", ["amplitude", "amplitude_deg_s"]),
-        ("kind: step, amplitude: 1, rise_s: 1", ["reference.rise_s"]),
-        ("kind: ramp, amplitude: 1, rise_s: 0", ["reference.rise_s", "greater than 0"]),
-        ("kind: ramp, amplitude: 1", ["reference.rise_s", "missing"]),
-        ("kind: trapezoid, amplitude: 1, rise_s: 1, hold_s: 0", ["reference.hold_s"]),
-        ("kind: doublet, amplitude: 1, rise_s: -1, hold_s: 1", ["reference.rise_s"]),
-        ("kind: sine, amplitude: 1, frequency_hz: 0", ["reference.frequency_hz"]),
-        ("kind: sine, amplitude: 1, frequency_hz: 1, phase_deg: 400", ["reference.phase_deg", "360"]),
-        ("kind: multi_sine, amplitude: 1, frequencies_hz: []", ["reference.frequencies_hz"]),
-        ("kind: multi_sine, amplitude: 1, frequencies_hz: [1, -1]", ["reference.frequencies_hz.1"]),
-        ("kind: multi_sine, amplitude: 1, frequencies_hz: [1], phases_deg: [1, 2]", ["phases_deg"]),
-        ("kind: chirp, amplitude: 1, from_hz: 0, to_hz: 0, duration_s: 1", ["from_hz", "to_hz"]),
-        ("kind: chirp, amplitude: 1, from_hz: 0, to_hz: 1, duration_s: 0", ["reference.duration_s"]),
-        ("kind: random, amplitude: 1, to_hz: 0.001", ["from_hz", "to_hz", "period_s"]),
-        ("kind: random, amplitude: 1, from_hz: 2, to_hz: 1", ["from_hz", "to_hz", "period_s"]),
-        ("kind: random, amplitude: 1, to_hz: 10.01, period_s: 100", ["from_hz", "to_hz", "period_s"]),
-        ("kind: random, amplitude: 1, to_hz: 1, seed: 1.5", ["reference.seed", "whole number"]),
-        ("kind: points, points: []", ["points", "at least one"]),
-        ("kind: points, points: [[1, 0], [1, 2]]", ["points", "time"]),
+        ("step", ["amplitude", "amplitude_deg_s"]),
+        ("step, amplitude: 1, amplitude_deg_s: 1", ["amplitude", "amplitude_deg_s"]),
+        ("step, amplitude: 1, rise_s: 1", ["reference.rise_s"]),
+        ("ramp, amplitude: 1, rise_s: 0", ["reference.rise_s", "greater than 0"]),
+        ("ramp, amplitude: 1", ["reference.rise_s", "missing"]),
+        ("trapezoid, amplitude: 1, rise_s: 1, hold_s: 0", ["reference.hold_s"]),
+        ("doublet, amplitude: 1, rise_s: -1, hold_s: 1", ["reference.rise_s"]),
+        ("sine, amplitude: 1, frequency_hz: 0", ["reference.frequency_hz"]),
+        ("sine, amplitude: 1, frequency_hz: 1, phase_deg: 400", ["reference.phase_deg", "360"]),
+        ("multi_sine, amplitude: 1, frequencies_hz: []", ["reference.frequencies_hz"]),
+        ("multi_sine, amplitude: 1, frequencies_hz: [1, -1]", ["reference.frequencies_hz.1"]),
+        ("multi_sine, amplitude: 1, frequencies_hz: [1], phases_deg: [1, 2]", ["phases_deg"]),
+        ("chirp, amplitude: 1, from_hz: 0, to_hz: 0, duration_s: 1", ["from_hz", "to_hz"]),
+        ("chirp, amplitude: 1, from_hz: 0, to_hz: 1, duration_s: 0", ["reference.duration_s"]),
+        ("random, amplitude: 1, to_hz: 0.001", ["from_hz", "to_hz", "period_s"]),
+        ("random, amplitude: 1, from_hz: 2, to_hz: 1", ["from_hz", "to_hz", "period_s"]),
+        ("random, amplitude: 1, to_hz: 10.01, period_s: 100", ["from_hz", "to_hz", "period_s"]),
+        ("random, amplitude: 1, to_hz: 1, seed: 1.5", ["reference.seed", "whole number"]),
+        ("points, points: []", ["points", "at least one"]),
+        ("points, points: [[1, 0], [1, 2]]", ["points", "time"]),
     ],
 )
 def test_a_wrong_setting_is_named(reference, words):
@@ -173,11 +156,11 @@ def test_a_wrong_setting_is_named(reference, words):
 @pytest.mark.parametrize(
     "fast",
     [
-        "kind: sine, amplitude: 1, frequency_hz: 11",
-        "kind: multi_sine, amplitude: 1, frequencies_hz: [1, 11]",
-        "kind: chirp, amplitude: 1, from_hz: 11, to_hz: 1, duration_s: 1",
-        "kind: random, amplitude: 1, from_hz: 1, to_hz: 11, period_s: 10",
-        "kind: rotation, angle_deg: 10, duration_s: 0.09",
+        "sine, amplitude: 1, frequency_hz: 11",
+        "multi_sine, amplitude: 1, frequencies_hz: [1, 11]",
+        "chirp, amplitude: 1, from_hz: 11, to_hz: 1, duration_s: 1",
+        "random, amplitude: 1, from_hz: 1, to_hz: 11, period_s: 10",
+        "rotation, angle_deg: 10, duration_s: 0.09",
     ],
 )
 def test_a_period_of_less_than_ten_steps_is_refused(fast):

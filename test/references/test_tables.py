@@ -151,10 +151,7 @@ def test_a_live_reference_holds_what_it_received_last(load):
             "{kind: combined, parts: [{kind: step, amplitude: 1}, {kind: sine, amplitude: 1, frequency_hz: -1}]}",
             ["[1].frequency_hz"],
         ),
-        (
-            "{kind: combined, parts: [{kind: live, outputs: {place: linear.x}}]}",
-            ["reference.parts", "live"],
-        ),
+        ("{kind: combined, parts: [{kind: live, outputs: {place: linear.x}}]}", ["reference.parts", "live"]),
         ("{kind: live, outputs: {}}", ["outputs", "at least one"]),
         ("{kind: live, outputs: {place: linear.x}, initial: {roll: 1}}", ["roll", "outputs"]),
         ("{kind: live, outputs: {place: linear.x}, amplitude: {pitch: 1}}", ["pitch", "outputs"]),
