@@ -24,74 +24,11 @@ from skydiver_utc.analysis.style import (
 
 _COLOURS = (BLUE, ORANGE)
 _LINES: tuple[Any, ...] = ("-", (0, (4, 1.5)))
-_MARKERS = ("o", "s")
 _CASES = (
     *((BLUE, "o"), (PURPLE, "s"), (GREY, "^"), (GREEN, "v"), (VERMILLION, "D"), (ORANGE, "x"), (INK, "+")),
     *((BLUE, "x"), (PURPLE, "+")),
 )
 _PANELS_IN_ROW = 3
-
-
-class Curve(NamedTuple):
-    """RMSE [deg/s] and control effort of a scenario for each value swept; NaN where there is none."""
-
-    label: str
-    rmse: Sequence[float]
-    effort: Sequence[float]
-
-
-class Panel(NamedTuple):
-    """One parameter swept, with a mark at the values that the scenarios use."""
-
-    label: str
-    values: Sequence[float]
-    logarithmic: bool
-    ticks: Sequence[float]
-    chosen: Sequence[float]
-    curves: Sequence[Curve]
-
-
-def sweeps_figure(panels: Sequence[Panel]) -> Figure:
-    """RMSE above, control effort below, one column per parameter."""
-    with house_style():
-        figure = empty_figure(10.0, 5.4)
-        axes = figure.subplots(2, len(panels), sharex="col", sharey="row", squeeze=False)
-        for column, panel in enumerate(panels):
-            _draw_sweep(axes[0, column], panel, [curve.rmse for curve in panel.curves])
-            _draw_sweep(axes[1, column], panel, [curve.effort for curve in panel.curves])
-            axes[0, column].set_yscale("log")
-            axes[1, column].set_xlabel(panel.label, parse_math=True)
-        axes[1, 0].set_ylim(
-            0.0, 1.08 * _largest([curve.effort for panel in panels for curve in panel.curves])
-        )
-        axes[0, 0].set_ylabel("RMSE from 2 s on [deg/s]")
-        axes[1, 0].set_ylabel("control effort [1]")
-        handles, labels = axes[0, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="upper left", ncols=3)
-        figure.subplots_adjust(left=0.07, right=0.985, bottom=0.1, top=0.91, wspace=0.07, hspace=0.1)
-    return figure
-
-
-def _draw_sweep(axes: Axes, panel: Panel, rows: Sequence[Sequence[float]]) -> None:
-    for i, (curve, values) in enumerate(zip(panel.curves, rows, strict=True)):
-        axes.plot(
-            panel.values, values, color=_COLOURS[i], marker=_MARKERS[i], markersize=4, label=curve.label
-        )
-        chosen = [panel.values.index(value) for value in panel.chosen[i : i + 1]]
-        axes.plot(
-            [panel.values[k] for k in chosen], [values[k] for k in chosen], linestyle="none", marker="o",
-            markersize=11, markerfacecolor="none", markeredgecolor=VERMILLION,
-            label="as the scenario has it" if i == 0 else None,
-        )  # fmt: skip
-    if panel.logarithmic:
-        axes.set_xscale("log")
-    if panel.ticks:
-        axes.set_xticks(panel.ticks, [f"{value:g}" for value in panel.ticks])
-        axes.minorticks_off()
-
-
-def _largest(rows: Sequence[Sequence[float]]) -> float:
-    return float(np.nanmax(np.concatenate([np.asarray(row) for row in rows])))
 
 
 class Cloud(NamedTuple):

@@ -203,19 +203,16 @@ class Sweep(NamedTuple):
     label: str
     values: tuple[float, ...]
     logarithmic: bool
-    ticks: tuple[float, ...]  # none: as the figure likes
 
     def cases(self, scenario: str) -> list[Case]:
         """The scenario with each value."""
         return [case(scenario, (self.setting, value)) for value in self.values]
 
 
-P_ERR = Sweep(
-    "controller.P_err", "$P_{err}$ [(rad/s)$^2$]", (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0), True, ()
-)
-W0 = Sweep("controller.W0", "$W^0$ [1]", (-3.0, -1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 0.9), False, ())
+P_ERR = Sweep("controller.P_err", "P_err [(rad/s)^2]", (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0), True)
+W0 = Sweep("controller.W0", "W0 [1]", (-3.0, -1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 0.9), False)
 _STEPS = (2, 3, 5, 7, 10, 14, 20, 30, 40)
-HORIZON = Sweep("controller.horizon_steps", "prediction steps $N$", _STEPS, True, (2, 5, 10, 20, 40))
+HORIZON = Sweep("controller.horizon_steps", "prediction steps N", _STEPS, False)
 SWEEPS = (P_ERR, W0, HORIZON)
 SWEPT = (UNKNOWN, PI)
 

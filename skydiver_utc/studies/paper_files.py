@@ -2,19 +2,17 @@
 """The folder of a comparison: paper.md, details.md, results.json and the figures."""
 
 import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from skydiver_utc.analysis.figures import tracking_figure
-from skydiver_utc.analysis.study_figures import Curve, Panel, sweeps_figure
+from skydiver_utc.analysis.study_figures import ErrorMap, error_maps
 from skydiver_utc.analysis.style import png
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters.files import write_file
 from skydiver_utc.studies import paper_cases as flown
-from skydiver_utc.studies.cases import shipped
 from skydiver_utc.studies.paper_page import details, page
 from skydiver_utc.studies.paper_results import PaperResults
 from skydiver_utc.studies.sensitivity import read_sensitivity
@@ -51,13 +49,15 @@ def to_json(results: PaperResults) -> str:
 
 
 def _sweeps(results: PaperResults) -> Figure:
-    panels = []
-    for sweep in flown.SWEEPS:
-        curves, chosen = [], []
-        for scenario in flown.SWEPT:
-            found = [results.of(one) for one in sweep.cases(scenario)]
-            effort = [one.effort if math.isfinite(one.effort) else math.nan for one in found]
-            curves.append(Curve(scenario, [one.rmse for one in found], effort))
-            chosen.append(getattr(shipped(scenario).controller, sweep.setting.partition(".")[2]))
-        panels.append(Panel(sweep.label, sweep.values, sweep.logarithmic, sweep.ticks, chosen, curves))
-    return sweeps_figure(panels)
+    panels = [
+        ErrorMap(
+            sweep.label,
+            sweep.logarithmic,
+            {
+                name: (sweep.values, [results.of(one).rmse for one in sweep.cases(name)])
+                for name in flown.SWEPT
+            },
+        )
+        for sweep in flown.SWEEPS
+    ]
+    return error_maps(panels, "RMSE from 2 s on [deg/s]", bars=(), connected=True)

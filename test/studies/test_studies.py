@@ -391,7 +391,7 @@ class TestFiles:
         assert read_comparison(tmp_path) == results
         assert (tmp_path / "paper.md").read_text(encoding="utf-8") == page(results)
         assert imread(tmp_path / "ff6.png").shape[1] == 1200
-        assert imread(tmp_path / "sweeps.png").shape[1] == 1500
+        assert imread(tmp_path / "sweeps.png").shape[1] == 1440
 
     def test_a_study_found_beside_it_goes_into_the_page(self, tmp_path: Path) -> None:
         (tmp_path / "tuning.json").write_bytes((PAPER / "tuning.json").read_bytes())
