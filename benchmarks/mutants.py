@@ -3,25 +3,29 @@
 
     python benchmarks/mutants.py --count 48 --seed 1
 
-A mutant survives if the tests of its room pass. The checkout stays as it is: mutants are made in a copy of it.
+A mutant survives if the tests of its room that call its function pass. The checkout stays as it is.
 Annotations and the fields of settings classes are left out: their numbers are data. So are the keywords of `zip` and
 `lru_cache` and the arguments of `np.empty`: `strict` is an assertion, and larger caches and scratch change no result.
 """
 
 import ast
+import copy
+import importlib
+import linecache
 import multiprocessing
 import os
 import random
-import shutil
-import subprocess
 import sys
 import tempfile
+import threading
 import time
-from collections import Counter
-from collections.abc import Iterator
-from itertools import zip_longest
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from importlib.machinery import SourceFileLoader
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import NamedTuple
+from types import CodeType, FunctionType
+from typing import Any, NamedTuple
 
 import click
 import hypothesis  # noqa: F401
@@ -34,108 +38,78 @@ import rosbags.rosbag2  # noqa: F401
 import scipy.optimize  # noqa: F401
 
 ROOT = Path(__file__).resolve().parents[1]
-# Room -> the tests that are run for its mutants, the cheapest first.
+# Room -> the tests for its mutants.
 TESTS = {
-    "unscented": "unscented controllers/test_utc_against_paper.py",
-    "controllers/utc": (
-        "controllers/test_utc_against_paper.py controllers/test_utc_results.py controllers/test_utc_recovery.py"
-        " controllers/test_utc_between_steps.py controllers/test_utc_beyond_the_paper.py"
-        " controllers/test_utc_user_functions.py controllers/test_unscented_transform_controller.py"
-        " controllers/test_utc_on_other_plants.py"
-    ),
-    "plants/skydiver": (
-        "plants/test_plant_against_transcription.py plants/test_moving_limbs.py plants/test_steady_falls.py"
-        " plants/test_longest_step.py plants/test_patterns.py body/test_movement.py plants estimators/test_sensors.py"
-    ),
-    "recording": "recording analysis/test_recorded_run.py cli/test_field.py",
+    "unscented": "unscented/*.py controllers/test_utc_against_paper.py",
+    "controllers/utc": "controllers/test_u*.py",
+    "plants/skydiver": "plants/*.py body/test_movement.py estimators/test_sensors.py",
+    "recording": "recording/*.py analysis/test_recorded_run.py cli/test_field.py",
     "parameters": (
-        "parameters messages theory/test_stability.py body cli/test_run_plans.py cli/test_written_files.py"
-        " cli/test_cli.py recording/test_writer.py"
+        "parameters/*.py messages/*.py body/*.py theory/test_stability.py recording/test_writer.py"
+        " cli/test_run_plans.py cli/test_written_files.py cli/test_cli.py"
     ),
-    "references": "references",
+    "references": "references/*.py",
 }
 LONGEST_S = 900.0  # a mutant whose tests hang is seen
-# Class in ast, operator, what stands in its place.
-_OPERATORS = (
-    *("Add + -", "Sub - +", "Mult * /", "Div / *", "FloorDiv // /", "Mod % *", "Pow ** *"),
-    *("Lt < <=", "LtE <= <", "Gt > >=", "GtE >= >", "Eq == !=", "NotEq != =="),
-    *("Is is is_not", "IsNot is_not is", "In in not_in", "NotIn not_in in", "And and or", "Or or and"),
-)
-_SWAPS = {kind: tuple(word.replace("_", " ") for word in swap) for kind, *swap in map(str.split, _OPERATORS)}
+_PAIRS = "Add Sub, Mult Div, Lt LtE, Gt GtE, Eq NotEq, Is IsNot, In NotIn, And Or"
+_SWAPS: dict[type, type] = dict.fromkeys((ast.FloorDiv, ast.Mod, ast.Pow), ast.Mult)
+for one, other in (pair.split() for pair in _PAIRS.split(", ")):
+    _SWAPS |= {getattr(ast, one): getattr(ast, other), getattr(ast, other): getattr(ast, one)}
 
 
 class Mutant(NamedTuple):
-    """Bytes [start, end) of a file replaced."""
+    """A file with one attribute of one node changed."""
 
     room: str
-    file: Path  # from the root
-    data: bytes  # of the file
-    start: int
-    end: int
-    new: str
+    file: str
+    tree: ast.Module
+    node: Any
+    attribute: str
+    new: Any
+    function: int  # first line of the function around the node; 0: in none
 
     def shown(self) -> str:
-        line = self.data.count(b"\n", 0, self.start)
-        old = " ".join(self.data[self.start : self.end].decode().split())
-        text = self.data.splitlines()[line].decode().strip()
-        return f"{self.file}:{line + 1}: {old[:60]!r} -> {self.new!r} in: {text}"
+        changed = copy.copy(self.node)
+        setattr(changed, self.attribute, self.new)
+        place = f"{Path(self.file).relative_to(ROOT)}:{self.node.lineno}"
+        line = linecache.getline(self.file, self.node.lineno).strip()
+        return f"{place}: {ast.unparse(self.node)} -> {ast.unparse(changed)} in: {line}"
 
-    def mutated(self) -> bytes:
-        return self.data[: self.start] + self.new.encode() + self.data[self.end :]
+    def compiled(self) -> CodeType:
+        """The changed file; only for a process of its own, since it changes the tree."""
+        setattr(self.node, self.attribute, self.new)
+        return compile(ast.fix_missing_locations(self.tree), self.file, "exec", dont_inherit=True)
 
 
 def mutants_of(room: str, file: Path) -> list[Mutant]:
     """All mutants of a file."""
-    data = (ROOT / file).read_bytes()
-    starts = [0]
-    for line in data.splitlines(keepends=True):
-        starts.append(starts[-1] + len(line))
-
-    def at(line: int, column: int) -> int:
-        return starts[line - 1] + column
-
-    def begin(node: ast.expr | ast.stmt) -> int:
-        return at(node.lineno, node.col_offset)
-
-    def end(node: ast.expr | ast.stmt) -> int:
-        return at(node.end_lineno or 0, node.end_col_offset or 0)
-
-    def between(left: int, right: int, op: ast.AST, ending: str = "") -> Iterator[tuple[int, int, str]]:
-        if type(op).__name__ in _SWAPS:
-            old, new = _SWAPS[type(op).__name__]
-            place = data.find((old + ending).encode(), left, right)
-            if place >= 0:
-                yield place, place + len(old), new
-
-    def changes(node: ast.AST) -> Iterator[tuple[int, int, str]]:
-        match node:
-            case ast.BinOp():
-                yield from between(end(node.left), begin(node.right), node.op)
-            case ast.AugAssign():
-                yield from between(end(node.target), begin(node.value), node.op, "=")
-            case ast.Compare(ops=[op]):
-                yield from between(end(node.left), begin(node.comparators[0]), op)
-            case ast.BoolOp():
-                yield from between(end(node.values[0]), begin(node.values[1]), node.op)
-            case ast.UnaryOp(op=ast.Not()):
-                yield begin(node), begin(node) + len("not"), ""
-            case ast.Constant(value=bool()):
-                yield begin(node), end(node), str(not node.value)
-            case ast.Constant(value=int() | float()):
-                yield begin(node), end(node), repr(node.value + 1)
-            case ast.Raise() | ast.Expr(value=ast.Call()):
-                yield begin(node), end(node), "pass"
-
-    found = [
-        Mutant(room, file, data, start, stop, new)
-        for node in _code(ast.parse(data))
-        for start, stop, new in changes(node)
+    tree = ast.parse(file.read_bytes())
+    return [
+        Mutant(room, str(file), tree, node, attribute, new, function)
+        for node, function in _code(tree)
+        for attribute, new in _changes(node)
     ]
-    return [mutant for mutant in found if mutant.end > mutant.start]
 
 
-def _code(node: ast.AST) -> Iterator[ast.AST]:
-    """The nodes below one, but for what is left out (see above)."""
+def _changes(node: ast.AST) -> Iterator[tuple[str, Any]]:
+    """Attributes of a node, and what they are changed to."""
+    match node:
+        case ast.BinOp(op=op) | ast.AugAssign(op=op) | ast.BoolOp(op=op) if type(op) in _SWAPS:
+            yield "op", _SWAPS[type(op)]()
+        case ast.Compare(ops=[op]):
+            yield "ops", [_SWAPS[type(op)]()]
+        case ast.UnaryOp(op=ast.Not(), operand=operand):
+            yield "operand", ast.UnaryOp(ast.Not(), operand)
+        case ast.Constant(value=bool(value)):
+            yield "value", not value
+        case ast.Constant(value=int(value) | float(value)):
+            yield "value", value + 1
+        case ast.Raise() | ast.Expr(value=ast.Call()):
+            yield "__class__", ast.Pass
+
+
+def _code(node: ast.AST, function: int = 0) -> Iterator[tuple[ast.AST, int]]:
+    """The nodes below one, but for what is left out (see above), each with the first line of its function."""
     left_out = ["annotation", "returns", "decorator_list"]
     if isinstance(node, ast.Call):
         left_out += {"zip": ["keywords"], "lru_cache": ["keywords"], "np.empty": ["args"]}.get(
@@ -144,80 +118,132 @@ def _code(node: ast.AST) -> Iterator[ast.AST]:
     for name, value in ast.iter_fields(node):
         if name in left_out:
             continue
+        if isinstance(node, ast.FunctionDef) and name == "body":
+            function = min(part.lineno for part in [node, *node.decorator_list])
         for child in value if isinstance(value, list) else [value]:
             field = isinstance(node, ast.ClassDef) and isinstance(child, ast.AnnAssign)
             bounds = isinstance(child, ast.Subscript) and getattr(child.value, "id", "") == "Annotated"
             if isinstance(child, ast.AST) and not field and not bounds:
-                yield child
-                yield from _code(child)
+                yield child, function
+                yield from _code(child, function)
 
 
-def survives(mutant: Mutant, copy: Path) -> bool:
-    """Whether the tests of its room pass with a mutant, which is taken back afterwards."""
-    (copy / mutant.file).write_bytes(mutant.mutated())
-    tests = multiprocessing.get_context("fork").Process(target=_test, args=(copy, TESTS[mutant.room].split()))
-    tests.start()
-    tests.join(LONGEST_S)
-    hangs = tests.is_alive()
-    if hangs:
-        tests.kill()
-        tests.join()
-    (copy / mutant.file).write_bytes(mutant.data)
-    return not hangs and tests.exitcode == 0
+class Ran(NamedTuple):
+    """Tests run in a process of their own, which had the libraries, and nothing of the package, imported."""
+
+    passed: bool
+    seconds: float
+    called: set[tuple[str, int]]  # functions that ran: file and first line; line 0: the file was imported
 
 
-def _test(copy: Path, tests: list[str]) -> None:
-    """In a process of its own that has the libraries, and nothing of the package, imported already."""
-    os.chdir(copy)
-    sys.path.insert(0, str(copy))
+def run(tests: Iterable[Path], mutant: Mutant | None = None) -> Ran:
+    """Run tests on a mutant until one fails, or without any to note which functions run."""
+    began = time.monotonic()
+    answer, sender = multiprocessing.Pipe(duplex=False)
+    arguments = list(map(str, tests)), mutant, sender
+    process = multiprocessing.get_context("fork").Process(target=_test, args=arguments)
+    process.start()
+    wait([answer, process.sentinel], LONGEST_S)
+    passed, called = answer.recv() if answer.poll() else (False, set())
+    process.kill()
+    process.join()
+    return Ran(passed, time.monotonic() - began, called)
+
+
+def _test(tests: list[str], mutant: Mutant | None, answer: Connection) -> None:
+    called: set[tuple[str, int]] = set()
+    sys.path.insert(0, str(ROOT))
     sys.dont_write_bytecode = True
     for stream in (1, 2):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
-    options = ["-q", "-x", "-n", "0", "-p", "no:cacheprovider", "-m", "not long and not processes"]
-    os._exit(pytest.main([*options, *(f"test/{name}" for name in tests)]))
+    if mutant is not None:
+        _import_mutated(mutant)
+    _compile_mutated(mutant, called)
+    if mutant is None:
+        for trace in (threading.settrace, sys.settrace):
+            trace(lambda frame, *_: called.add(_place(frame.f_code)))
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = folder
+        options = ["-q", "-x", "-n", "0", "-p", "no:cacheprovider", "-m", "not long and not processes"]
+        code = pytest.main([*options, *tests])
+    sys.settrace(None)
+    answer.send((code in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED), called))
+    os._exit(0)
+
+
+def _place(code: CodeType) -> tuple[str, int]:
+    return code.co_filename, 0 if code.co_name == "<module>" else code.co_firstlineno
+
+
+def _import_mutated(mutant: Mutant) -> None:
+    code, unchanged = mutant.compiled(), SourceFileLoader.get_code
+
+    def get_code(loader: SourceFileLoader, name: str) -> CodeType | None:
+        return code if loader.path == mutant.file else unchanged(loader, name)
+
+    SourceFileLoader.get_code = get_code
+
+
+def _compile_mutated(mutant: Mutant | None, called: set[tuple[str, int]]) -> None:
+    """Have programs that call a mutated kernel compiled, all others loaded from the disk; note their functions."""
+    jit = importlib.import_module("skydiver_utc.jit")
+    load = jit._Cache.load_overload
+
+    def load_overload(cache: Any, *arguments: Any) -> Any:
+        functions, waiting = set(), [cache._source]
+        while waiting:
+            known = waiting.pop()
+            function = getattr(known, "py_func", known)
+            if isinstance(function, FunctionType) and _place(function.__code__) not in functions:
+                functions.add(_place(function.__code__))
+                known = function.__globals__
+                waiting += [known[name] for name in jit._names(function.__code__) if name in known]
+        called.update(functions)
+        anew = mutant is not None and (not mutant.function or (mutant.file, mutant.function) in functions)
+        return None if anew else load(cache, *arguments)
+
+    jit._Cache.load_overload = load_overload
+    if mutant is not None:
+        jit._Cache.save_overload = lambda *_: None
 
 
 @click.command()
 @click.option("--count", default=48, show_default=True, help="Mutants, alike many of each room.")
 @click.option("--seed", default=1, show_default=True)
 @click.option("--room", "rooms", multiple=True, type=click.Choice(list(TESTS)), help="Only these rooms.")
-@click.option("--list", "only_list", is_flag=True, help="List the mutants, run nothing.")
-def main(count: int, seed: int, rooms: tuple[str, ...], only_list: bool) -> None:
-    """Run the tests on mutants of the core; exit code 1 if one in twenty, or more, survives."""
+def main(count: int, seed: int, rooms: tuple[str, ...]) -> None:
+    """Run the tests on mutants of the core; exit code 1 if more than one in twenty survives."""
     rooms = rooms or tuple(TESTS)
-    samples = []
-    for place, room in enumerate(rooms):
-        files = sorted((ROOT / "skydiver_utc" / room).rglob("*.py"))
-        found = [mutant for file in files for mutant in mutants_of(room, file.relative_to(ROOT))]
-        share = count // len(rooms) + (place < count % len(rooms))
-        samples.append(random.Random(f"{seed} {room}").sample(found, min(share, len(found))))
-    # By turns, so that a run that is stopped has seen all rooms alike.
-    chosen = [mutant for turn in zip_longest(*samples) for mutant in turn if mutant is not None]
-    if only_list:
-        for mutant in chosen:
-            click.echo(mutant.shown())
-        return
-    survivors: Counter[str] = Counter()
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder)
-        names = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True).stdout
-        for name in names.decode().split("\0")[:-1]:
-            (copy / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, copy / name)
-        for room in rooms:
-            first = next(mutant for mutant in chosen if mutant.room == room)
-            if not survives(first._replace(end=first.start, new=""), copy):
-                raise click.ClickException(f"the tests of {room} fail without any mutant")
-        for mutant in chosen:
-            began = time.monotonic()
-            alive = survives(mutant, copy)
-            survivors[mutant.room] += alive
-            word = "SURVIVES" if alive else "seen"
-            click.echo(f"{word} {time.monotonic() - began:.0f} s {mutant.shown()}")
+    chosen, tests = [], {}
     for room in rooms:
-        click.echo(f"{room}: {survivors[room]} of {sum(m.room == room for m in chosen)} survive")
-    click.echo(f"{survivors.total()} of {len(chosen)} survive, seed {seed}")
-    sys.exit(20 * survivors.total() > len(chosen))
+        files = sorted((ROOT / "skydiver_utc" / room).rglob("*.py"))
+        found = [mutant for file in files for mutant in mutants_of(room, file)]
+        share = min(round(count / len(rooms)), len(found))
+        chosen += random.Random(f"{seed} {room}").sample(found, share)
+        tests[room] = {file for name in TESTS[room].split() for file in (ROOT / "test").glob(name)}
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
+        files = sorted(set().union(*tests.values()))
+        unchanged = dict(zip(files, threads.map(lambda file: run([file]), files), strict=True))
+        failed = [str(file) for file in files if not unchanged[file].passed]
+        if failed:
+            raise click.ClickException(f"without any mutant fail {', '.join(failed)}")
+        click.echo(f"{len(files)} files of tests pass without any mutant")
+
+        def seen(mutant: Mutant) -> bool:
+            place = mutant.file, mutant.function
+            calling = [file for file in tests[mutant.room] if place in unchanged[file].called]
+            ran = run(sorted(calling, key=lambda file: unchanged[file].seconds), mutant) if calling else None
+            click.echo(f"{'SURVIVES' if ran is None or ran.passed else 'seen'} {mutant.shown()}")
+            return ran is not None and not ran.passed
+
+        alive = [mutant for mutant, found in zip(chosen, threads.map(seen, chosen), strict=True) if not found]
+    click.echo("\n".join(["Survivors:", *(mutant.shown() for mutant in alive)]))
+    for room in rooms:
+        click.echo(
+            f"{room}: {sum(m.room == room for m in alive)} of {sum(m.room == room for m in chosen)} survive"
+        )
+    click.echo(f"{len(alive)} of {len(chosen)} survive, seed {seed}")
+    sys.exit(20 * len(alive) > len(chosen))
 
 
 if __name__ == "__main__":
