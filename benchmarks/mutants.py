@@ -15,6 +15,7 @@ import linecache
 import multiprocessing
 import os
 import random
+import resource
 import sys
 import tempfile
 import threading
@@ -50,7 +51,9 @@ TESTS = {
     ),
     "references": "references/*.py",
 }
-LONGEST_S = 900.0  # a mutant whose tests hang is seen
+# A mutant whose tests hang, or take all memory, is seen.
+LONGEST_S, LONGEST_TEST_S = 900.0, 120.0
+LARGEST_BYTES = 2**32
 _PAIRS = "Add Sub, Mult Div, Lt LtE, Gt GtE, Eq NotEq, Is IsNot, In NotIn, And Or"
 _SWAPS: dict[type, type] = dict.fromkeys((ast.FloorDiv, ast.Mod, ast.Pow), ast.Mult)
 for one, other in (pair.split() for pair in _PAIRS.split(", ")):
@@ -154,6 +157,7 @@ def _test(tests: list[str], mutant: Mutant | None, answer: Connection) -> None:
     called: set[tuple[str, int]] = set()
     sys.path.insert(0, str(ROOT))
     sys.dont_write_bytecode = True
+    resource.setrlimit(resource.RLIMIT_DATA, (LARGEST_BYTES, LARGEST_BYTES))
     for stream in (1, 2):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
     if mutant is not None:
@@ -165,7 +169,7 @@ def _test(tests: list[str], mutant: Mutant | None, answer: Connection) -> None:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = folder
         options = ["-q", "-x", "-n", "0", "-p", "no:cacheprovider", "-m", "not long and not processes"]
-        code = pytest.main([*options, *tests])
+        code = pytest.main([*options, "-o", f"faulthandler_timeout={LONGEST_TEST_S}", *tests])
     sys.settrace(None)
     answer.send((code in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED), called))
     os._exit(0)

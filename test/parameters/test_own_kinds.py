@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Kinds of the user's own, `module:Class`: found beside the scenario file, refused by name if wrong."""
 
+import sys
+
 import pytest
 
 from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, to_yaml
@@ -44,6 +46,15 @@ def test_a_kind_of_one_s_own_is_found_beside_its_scenario_and_comes_back(load):
     scenario = load("kind: 'own_waves:Wave', height: 2, pattern: turn")
     assert (scenario.reference.height, scenario.reference.pattern) == (2.0, "turn")
     assert from_yaml(to_yaml(scenario)) == scenario
+
+
+def test_a_packaged_scenario_takes_a_kind_from_the_current_folder(tmp_path, monkeypatch):
+    module = f"waves_of_{tmp_path.name}"
+    (tmp_path / f"{module}.py").write_text(MODULE)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.path", [*sys.path])
+    changed = load_scenario("bank_recovery", {"reference": {"kind": f"{module}:Wave", "height": 2}})
+    assert changed.reference.height == 2.0
 
 
 @pytest.mark.parametrize(

@@ -295,3 +295,4 @@ def test_the_help_of_a_node_has_each_parameter_with_its_default(kind):
             assert f"  {field.default}{'' if unit == '1' else ' ' + unit}  " in lines[name]
         elif field.default == "":
             assert "  (empty)  " in lines[name]
+    assert ("controller.horizon_steps" in usage(kind)) == ("scenario" in SETTINGS[kind].model_fields)
