@@ -159,7 +159,10 @@ def _decompressed(data: bytes, compression: str, size: int | None) -> bytes:
         fits = zstandard.frame_content_size(data) in (-1, wanted)
         data = zstandard.decompress(data, wanted) if fits else b""
     elif compression == "lz4" and data:
-        data = LZ4FrameDecompressor().decompress(data, max_length=wanted + 1)
+        frame = LZ4FrameDecompressor()
+        data = frame.decompress(data, max_length=wanted + 1)
+        if not frame.eof:
+            raise ValueError("the end of a frame is damaged")
     if len(data) != wanted:
         raise ValueError("what is compressed does not have the size that it claims")
     return data

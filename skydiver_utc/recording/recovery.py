@@ -5,6 +5,8 @@ MCAP is written front to back, so that the file of a killed recorder is valid up
 checksum: a damaged one is left out.
 """
 
+import struct
+import zlib
 from collections import Counter
 from dataclasses import dataclass, field
 from os.path import lexists
@@ -12,7 +14,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
 from mcap.records import Channel, McapRecord, Schema, Statistics
 
 from skydiver_utc.errors import RecordingError
@@ -20,9 +21,12 @@ from skydiver_utc.parameters.files import new_folder, write_file
 from skydiver_utc.recording.mcap_file import Definition, McapFile, QueuedMessage, StoredTopic, span_with
 from skydiver_utc.recording.metadata import METADATA_FILE, message_count, metadata_yaml
 from skydiver_utc.recording.reader import bag_files
-from skydiver_utc.recording.records import Damaged, is_compressed, parts, records
+from skydiver_utc.recording.records import MAGIC, Damaged, is_compressed, parts, records
 
 _BATCH = 1000  # messages that are written at once
+_FOOTER = struct.Struct("<QQI")  # start of the index, start of its offsets, checksum
+_AFTER_INDEX = 4 + len(MAGIC)  # bytes at the end of a file that the checksum is not of: itself, the magic
+_OFFSET_OF_CHUNK = slice(16, 24)  # in the index of a chunk
 
 
 class Loss(NamedTuple):
@@ -67,7 +71,7 @@ def survey(path: Path) -> Survey:
         _survey_file(file, found)
     if not found.losses and found.lost_messages == 0:
         counted = path.is_file() or message_count(path) == found.message_count
-        found.whole = counted and _indexed_counts(path) == found.counts
+        found.whole = counted and all(map(_is_indexed, bag_files(path)))
     return found
 
 
@@ -126,25 +130,21 @@ def _of_stored(topic: StoredTopic) -> _Topic:
     return _Topic(topic.name, topic.definition, topic.encoding, tuple(topic.metadata.items()))
 
 
-def _indexed_counts(path: Path) -> Counter[str]:
-    """Messages by topic found through the indexes, as other readers find them; empty if an index is damaged."""
-    counts: Counter[str] = Counter()
-    for file in bag_files(path):
-        topics = _topics(file)
-        chunks = {offset for offset, _, opcode, _ in records(file) if opcode == Opcode.CHUNK}
-        with file.open("rb") as stream:
-            # A wrong index leads the library to bytes of any kind: struct, zstandard and lz4 raise errors, too.
-            try:
-                summary = make_reader(stream).get_summary()
-                if summary is None or {i.chunk_start_offset for i in summary.chunk_indexes} != chunks:
-                    return Counter()
-                for schema, channel, _ in make_reader(stream).iter_messages(log_time_order=False):
-                    if _topic(channel, schema) != topics.get(channel.id):
-                        return Counter()
-                    counts[channel.topic] += 1
-            except Exception:
-                return Counter()
-    return counts
+def _is_indexed(file: Path) -> bool:
+    """True where the index has every chunk and the checksum in the footer is that of the index; 0 is no checksum."""
+    chunks, indexed, footer = set[bytes](), set[bytes](), b""
+    for offset, _, opcode, data in records(file):
+        if opcode == Opcode.CHUNK:
+            chunks.add(offset.to_bytes(8, "little"))
+        elif opcode == Opcode.CHUNK_INDEX:
+            indexed.add(data[_OFFSET_OF_CHUNK])
+        elif opcode == Opcode.FOOTER:
+            footer = data
+    if len(footer) != _FOOTER.size or chunks != indexed:
+        return False
+    start, _, crc = _FOOTER.unpack(footer)
+    index = file.read_bytes()[start:-_AFTER_INDEX]
+    return start > 0 and crc in (0, zlib.crc32(index))
 
 
 def _survey_file(file: Path, found: Survey) -> None:
