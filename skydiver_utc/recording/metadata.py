@@ -17,17 +17,6 @@ _NO_MESSAGE_YET_NS = 2**63 - 1  # rosbag2's starting time of an empty bag
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}  # "infinite" in rmw
 
 
-def parse_qos_profiles(text: str) -> list[dict[str, Any]]:
-    """Offered QoS profiles from a YAML list of mappings (empty text: none)."""
-    try:
-        profiles = load_yaml(text, "the QoS profiles") or []
-    except ParameterError as error:
-        raise RecordingError("The QoS profiles are not YAML: give a list of mappings.") from error
-    if not isinstance(profiles, list) or not all(isinstance(profile, dict) for profile in profiles):
-        raise RecordingError("The QoS profiles are no list of mappings: give one mapping for each profile.")
-    return profiles
-
-
 def offered_qos(depth: int, reliability: str, durability: str) -> str:
     """The text of one offered QoS profile, as rosbag2 writes it; rclpy's names of the policies."""
     profile = {
@@ -94,11 +83,13 @@ def _topic_entries(topics: Sequence[StoredTopic]) -> list[dict[str, Any]]:
 
 
 def recorded_qos_profiles(text: str) -> list[dict[str, Any]]:
-    """The QoS profiles that a recording has, none where their text is damaged."""
+    """The QoS profiles that a recording has, a YAML list of mappings; none where their text is damaged."""
     try:
-        return parse_qos_profiles(text)
-    except RecordingError:
+        profiles = load_yaml(text, "the QoS profiles")
+    except ParameterError:
         return []
+    fine = isinstance(profiles, list) and all(isinstance(profile, dict) for profile in profiles)
+    return profiles if fine else []
 
 
 def mcap_files(folder: Path) -> list[Path]:

@@ -92,7 +92,8 @@ def recover(path: Path, folder: Path, beside: dict[str, str] | None = None) -> S
         with (draft / name).open("xb") as stream:
             mcap = McapFile(stream)
             mcap.start()
-            compressed = sum([_copy(file, mcap) for file in bag_files(path)])
+            places: dict[_Topic, int] = {}
+            compressed = sum([_copy(file, mcap, places) for file in bag_files(path)])
             mcap.finish()
         write_file(
             draft / METADATA_FILE,
@@ -103,9 +104,9 @@ def recover(path: Path, folder: Path, beside: dict[str, str] | None = None) -> S
     return found
 
 
-def _copy(file: Path, mcap: McapFile) -> int:
-    """Copy the readable records; returns how many messages are compressed by themselves."""
-    topics, places = _topics(file), {_of_stored(topic): i for i, topic in enumerate(mcap.topics, 1)}
+def _copy(file: Path, mcap: McapFile, places: dict[_Topic, int]) -> int:
+    """Copy the readable records, and add to the places of topics; returns how many messages are compressed each."""
+    topics = _topics(file)
     batch: list[QueuedMessage] = []
     compressed = 0
     for topic in topics.values():
@@ -124,10 +125,6 @@ def _copy(file: Path, mcap: McapFile) -> int:
                 batch.clear()
     mcap.write(batch)
     return compressed
-
-
-def _of_stored(topic: StoredTopic) -> _Topic:
-    return _Topic(topic.name, topic.definition, topic.encoding, tuple(topic.metadata.items()))
 
 
 def _is_indexed(file: Path) -> bool:
@@ -187,11 +184,10 @@ def _topics(file: Path) -> dict[int, _Topic]:
             schemas.setdefault(part.id, part)
         elif isinstance(part, Channel):
             channels.setdefault(part.id, part)
-    return {
-        number: _topic(c, schemas[c.schema_id]) for number, c in channels.items() if c.schema_id in schemas
-    }
-
-
-def _topic(channel: Channel, schema: Schema | None) -> _Topic:
-    definition = Definition() if schema is None else Definition(schema.name, schema.encoding, schema.data)
-    return _Topic(channel.topic, definition, channel.message_encoding, tuple(channel.metadata.items()))
+    topics = {}
+    for number, c in channels.items():
+        if c.schema_id in schemas:
+            schema = schemas[c.schema_id]
+            definition = Definition(schema.name, schema.encoding, schema.data) if schema else Definition()
+            topics[number] = _Topic(c.topic, definition, c.message_encoding, tuple(c.metadata.items()))
+    return topics

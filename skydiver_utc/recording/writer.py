@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes serialized ROS 2 messages into a rosbag2 bag folder: `metadata.yaml` and one MCAP file."""
 
-import atexit
 import math
 import os
 import sys
@@ -21,7 +20,6 @@ from skydiver_utc.recording.metadata import (
     METADATA_FILE,
     QOS_KEY,
     metadata_yaml,
-    parse_qos_profiles,
 )
 
 
@@ -33,7 +31,7 @@ class BagWriter:
     the main thread, never cuts a record in half.
 
     `close` writes the index and `metadata.yaml`; a folder without `metadata.yaml` is an unfinished recording, whose
-    MCAP file `skydiver-utc recover` completes. At exit of the process the bag is closed.
+    MCAP file `skydiver-utc recover` completes.
     """
 
     def __init__(
@@ -63,7 +61,6 @@ class BagWriter:
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._record, name="bag writer", daemon=True)
         self._thread.start()
-        atexit.register(self.close)
 
     def add_topic(
         self, topic: str, type_name: str, schema_text: str, type_hash: str, qos_profiles_yaml: str
@@ -74,7 +71,6 @@ class BagWriter:
         `qos_profiles_yaml` is a YAML list of offered profiles in rosbag2's form.
         """
         self._check_open()
-        parse_qos_profiles(qos_profiles_yaml)
         metadata = {QOS_KEY: qos_profiles_yaml, HASH_KEY: type_hash}
         definition = Definition(type_name, "ros2msg", schema_text.encode())
         self._mcap.topics.append(StoredTopic(topic, definition, "cdr", metadata))
@@ -87,7 +83,7 @@ class BagWriter:
             self.dropped += 1
             return False
         self._queued_bytes += len(cdr)
-        self._queue.append(QueuedMessage(channel_id, bytes(cdr), log_time_ns, publish_time_ns))
+        self._queue.append(QueuedMessage(channel_id, cdr, log_time_ns, publish_time_ns))
         return True
 
     @property
@@ -105,7 +101,6 @@ class BagWriter:
         """Write the queue, the index and `metadata.yaml`; a second call does nothing."""
         self._closing.set()
         self._thread.join()
-        atexit.unregister(self.close)
         if not self._failure_raised:
             self._raise_failure()
 

@@ -47,3 +47,14 @@ def trajectory(names: tuple[str, ...], points: int) -> Any:
         joint_names=list(names),
         points=[SimpleNamespace(positions=[], time_from_start=time()) for _ in range(points)],
     )
+
+
+def put(message: Any, place: str, value: Any) -> None:
+    """Set a field of a message, or an entry of a list in it, as `points.2.positions.1`."""
+    *path, last = place.split(".")
+    for part in path:
+        message = message[int(part)] if part.isdecimal() else getattr(message, part)
+    if last.isdecimal():
+        message[int(last)] = value
+    else:
+        setattr(message, last, value)

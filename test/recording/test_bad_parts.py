@@ -103,6 +103,9 @@ def ignored_and_recovered(
     elif schema and schema[1] == "ros2msg":
         with pytest.raises(RecordingError, match=schema[0]):
             read_bag(file)["/notes"].messages  # noqa: B018
+    else:
+        with pytest.raises(RecordingError, match="/notes"):
+            read_bag(file, ["/notes"])
     assert survey(file).whole
     found = recover(file.parent, tmp_path / "recovered")
     assert (found.message_count, found.losses, found.lost_messages) == (22, [], 0)
