@@ -26,11 +26,11 @@ from skydiver_utc.loop.outcome import REACHED_THE_END, Outcome
 from skydiver_utc.loop.run import ParameterChange, Run
 from skydiver_utc.messages import (
     MessageError,
+    read_fields,
     read_named,
     read_odometry,
     read_outcome,
     read_preview,
-    read_sensor,
     run_id_of,
 )
 from skydiver_utc.parameters import ParameterError, Scenario, from_yaml, leaves, override
@@ -182,7 +182,7 @@ class RecordedRun:
             return run.states
         rows = [
             self._steps.rows(
-                f"sensors/{s.name}", s.size, partial(read_sensor, fields=s.fields, names=s.names)
+                f"sensors/{s.name}", s.size, partial(read_fields, fields=s.fields, names=s.names)
             )
             for s in sensors.models
         ]

@@ -6,12 +6,11 @@ decoder, so this room imports neither. Reading returns arrays or raises `Message
 """
 
 from skydiver_utc.messages.errors import MessageError, Refusals
+from skydiver_utc.messages.fields import TWIST_COMPONENTS, fill_fields, read_fields
 from skydiver_utc.messages.grid import StepGrid
 from skydiver_utc.messages.named import fill_named, read_named
-from skydiver_utc.messages.odometry import POSE_TWIST_NAMES, fill_odometry, fill_pose, read_odometry
 from skydiver_utc.messages.preview import PreviewStore, fill_preview, read_preview
-from skydiver_utc.messages.sensors import fill_sensor, read_sensor
-from skydiver_utc.messages.state import fill_state, read_state
+from skydiver_utc.messages.state import fill_odometry, fill_pose, fill_state, read_odometry, read_state
 from skydiver_utc.messages.texts import (
     change_text,
     outcome_text,
@@ -19,31 +18,27 @@ from skydiver_utc.messages.texts import (
     run_id_of,
     scenario_text,
 )
-from skydiver_utc.messages.twist import TWIST_COMPONENTS, fill_twist, read_twist
 
 __all__ = [
-    "POSE_TWIST_NAMES",
     "TWIST_COMPONENTS",
     "MessageError",
     "PreviewStore",
     "Refusals",
     "StepGrid",
     "change_text",
+    "fill_fields",
     "fill_named",
     "fill_odometry",
     "fill_pose",
     "fill_preview",
-    "fill_sensor",
     "fill_state",
-    "fill_twist",
     "outcome_text",
+    "read_fields",
     "read_named",
     "read_odometry",
     "read_outcome",
     "read_preview",
-    "read_sensor",
     "read_state",
-    "read_twist",
     "run_id_of",
     "scenario_text",
 ]

@@ -1,16 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A plant's state in a nav_msgs/Odometry, or by name in a sensor_msgs/JointState."""
+"""A plant's state: of a rigid body (13,) in a nav_msgs/Odometry, pose in the world, twist in the body; else by name."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.messages.errors import MessageError, refuse_non_finite
 from skydiver_utc.messages.named import fill_named, read_named
-from skydiver_utc.messages.odometry import fill_odometry, read_odometry
 
 Vector = NDArray[np.float64]
+
+# position [m], quaternion x y z w (body to world), velocity [m/s] and rates [rad/s] in body axes
+_NAMES = ("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "wx", "wy", "wz")
+# An integrated unit quaternion differs from length 1 by rounding only and is kept to the bit; a vehicle's own
+# may be rounded and is normalised.
+_ROUNDING, _LARGEST_ERROR = 1e-6, 1e-3
 
 
 def fill_state(message: Any, state: Vector) -> Any:
@@ -21,3 +28,35 @@ def fill_state(message: Any, state: Vector) -> Any:
 def read_state(message: Any, names: Sequence[str], frames: tuple[str, str] | None = None) -> Vector:
     """The state (n,), of a JointState in the order of the names; an Odometry must be in these frames, if given."""
     return read_odometry(message, frames) if hasattr(message, "pose") else read_named(message, names)
+
+
+def fill_odometry(message: Any, state: Vector) -> Any:
+    """Write a state (13,); returns the message."""
+    pose, twist = message.pose.pose, message.twist.twist
+    linear, angular = twist.linear, twist.angular
+    fill_pose(pose.position, pose.orientation, state[:7])
+    linear.x, linear.y, linear.z = state[7:10].tolist()
+    angular.x, angular.y, angular.z = state[10:13].tolist()
+    return message
+
+
+def read_odometry(message: Any, frames: tuple[str, str] | None = None) -> Vector:
+    """The state (13,); the message must be in these frames (world, body) where they are given."""
+    found = (message.header.frame_id, message.child_frame_id)
+    if frames is not None and found != frames:
+        raise MessageError("frame", f"its frames are {found}: they must be {frames}")
+    p, q = message.pose.pose.position, message.pose.pose.orientation
+    v, w = message.twist.twist.linear, message.twist.twist.angular
+    state = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w, v.x, v.y, v.z, w.x, w.y, w.z])
+    refuse_non_finite(state, _NAMES)
+    length = math.hypot(*state[3:7])
+    if abs(length - 1.0) > _LARGEST_ERROR:
+        raise MessageError("quaternion", f"its quaternion has length {length:.9g}: it must have length 1")
+    if abs(length - 1.0) > _ROUNDING:
+        state[3:7] /= length
+    return state
+
+
+def fill_pose(position: Any, quaternion: Any, pose: NDArray[np.float64]) -> None:
+    """Write a pose (7,) into a Point or Vector3 and a Quaternion."""
+    position.x, position.y, position.z, quaternion.x, quaternion.y, quaternion.z, quaternion.w = pose.tolist()

@@ -10,7 +10,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from skydiver_utc.controllers.protocol import Decision
-from skydiver_utc.messages import TWIST_COMPONENTS, fill_named, fill_twist
+from skydiver_utc.messages import TWIST_COMPONENTS, fill_fields, fill_named
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.parameters import ParameterError
@@ -51,7 +51,7 @@ class ControllerTopics:
             case "float64_multi_array":
                 message.data = command.tolist()
             case _:
-                fill_twist(message, self._settings.command_components, command)
+                fill_fields(message, command, self._settings.command_components)
         self._command.publish(message)
 
     def name_telemetry(self, names: tuple[str, ...]) -> None:

@@ -21,7 +21,7 @@ from skydiver_utc.loop.build import (
     model_beside,
 )
 from skydiver_utc.loop.estimation import Estimation
-from skydiver_utc.messages import read_named, read_sensor, read_state
+from skydiver_utc.messages import read_fields, read_named, read_state
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.answering import AnsweringNode
 from skydiver_utc.nodes.diagnostics import Health, Level
@@ -115,7 +115,7 @@ class EstimatorNode(AnsweringNode):
     def on_reading(self, i: int, sensor: SensorOfPlant, message: Any) -> None:
         """Keep a measurement of the i-th sensor."""
         k = self.grid.step_of(message.header.stamp)
-        self._readings[i, k] = Reading(i, k, read_sensor(message, sensor.fields, sensor.names))
+        self._readings[i, k] = Reading(i, k, read_fields(message, sensor.fields, sensor.names))
         self.answer()
 
     def on_clock(self, message: Any) -> None:

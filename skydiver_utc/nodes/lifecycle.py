@@ -4,6 +4,7 @@
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -49,11 +50,12 @@ class ManagedNode(LifecycleNodeMixin, Node):
     """
 
     def __init__(self, name: str, namespace: str, context: Context | None) -> None:
-        self.active = False
-        self.shut_down = False
+        self.active = self.shut_down = False
         self.last_transition = ""
         self._error: Exception | None = None
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        for transition in ("configure", "activate", "deactivate", "cleanup", "shutdown"):
+            setattr(self, f"on_{transition}", partial(self._carry_out, transition))
         Node.__init__(self, name, namespace=namespace, context=context)
         LifecycleNodeMixin.__init__(self)
         for service in self.services:
@@ -95,36 +97,16 @@ class ManagedNode(LifecycleNodeMixin, Node):
         super().destroy_node()
         self._state_machine.destroy_when_not_in_use()
 
-    def on_configure(self, state: Any) -> Any:
-        """Called by rclpy."""
-        return self._carry_out("configure", self.configure, False)
-
-    def on_activate(self, state: Any) -> Any:
-        """Called by rclpy."""
-        return self._carry_out("activate", self.activate, True)
-
-    def on_deactivate(self, state: Any) -> Any:
-        """Called by rclpy."""
-        return self._carry_out("deactivate", self.deactivate, False)
-
-    def on_cleanup(self, state: Any) -> Any:
-        """Called by rclpy."""
-        return self._carry_out("cleanup", self.cleanup, False)
-
-    def on_shutdown(self, state: Any) -> Any:
-        """Called by rclpy; nothing keeps a node from ending."""
-        done = self._carry_out("shutdown", self.shutdown, False)
-        self.active, self.shut_down = False, True
-        return done
-
     def on_error(self, state: Any) -> Any:
         """After an error of the program the node is finalized, and its process ends."""
         self.active, self.shut_down = False, True
         return TransitionCallbackReturn.FAILURE
 
-    def _carry_out(self, transition: str, action: Callable[[], None], active_then: bool) -> Any:
+    def _carry_out(self, transition: str, _: Any) -> Any:
+        """The callback of rclpy for a transition; nothing keeps a node from shutting down."""
+        self.shut_down = self.shut_down or transition == "shutdown"
         try:
-            action()
+            getattr(self, transition)()
         except REFUSALS as error:
             self._error = error
             self.last_transition = f"{transition} refused: {error}"
@@ -136,7 +118,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
             self.last_transition = f"{transition} failed: {error!r}"
             self.get_logger().fatal(f"{self.last_transition}\n{traceback.format_exc()}")
             raise
-        self.active, self.last_transition = active_then, transition
+        self.active, self.last_transition = transition == "activate", transition
         return TransitionCallbackReturn.SUCCESS
 
     def _guarded(self, name: str, callback: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from typing import Any, ClassVar
 
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -19,7 +19,7 @@ from rclpy.timer import Timer
 
 from skydiver_utc.messages import MessageError, Refusals, StepGrid
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.diagnostics import Health, Level, ProcessUsage, diagnostic_message
+from skydiver_utc.nodes.diagnostics import Health, Level, Rate, diagnostic_message, memory_mb
 from skydiver_utc.nodes.lifecycle import ACTIVE, UNCONFIGURED, ManagedNode, destroyed_on_error
 from skydiver_utc.nodes.topics import NAMESPACE, Topic
 from skydiver_utc.parameters.nodes import resolve, scalars
@@ -27,7 +27,6 @@ from skydiver_utc.parameters.nodes import resolve, scalars
 _DIAGNOSTICS_PERIOD_S = 1.0
 _STARTUP_POLL_S = 0.02
 _PATIENCE_S = 5.0
-_NEW_S = 10.0  # how long a node looks for another one of its kind; discovery takes up to 3 s
 
 
 class ScenarioNode(ManagedNode):
@@ -60,11 +59,10 @@ class ScenarioNode(ManagedNode):
             self._id, self._started_at = uuid.uuid4().hex, time.monotonic()
             self._advertised: dict[Topic, Publisher] = {}
             self._begins: Timer | None = None
-            self._usage = ProcessUsage()
+            self._cpu_percent = Rate(100.0 * time.process_time())
             self._diagnostics = self.publisher(topics.DIAGNOSTICS)
-            self._heartbeats = (
-                None if self.MAIN is None else self.subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
-            )
+            if self.MAIN is not None:
+                self.subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
             self.every(_DIAGNOSTICS_PERIOD_S, self.publish_diagnostics)
             self.every(_PATIENCE_S, self._log_what_is_missing)
             for name, value in scalars(resolved.settings, self.scenario).items():
@@ -84,14 +82,6 @@ class ScenarioNode(ManagedNode):
     def is_live(self, name: str) -> bool:
         """True for a parameter that can be set while the node runs."""
         return False
-
-    def set_parameters_atomically(self, parameter_list: list[Any]) -> SetParametersResult:
-        """Set all or none; called by rclpy for each request, whose own sentence names no unknown parameter."""
-        for parameter in parameter_list:
-            if not self.has_parameter(parameter.name):
-                reason = f"there is no parameter {parameter.name}"
-                return SetParametersResult(successful=False, reason=reason)
-        return super().set_parameters_atomically(parameter_list)
 
     def begin_when(self, ready: Callable[[], bool], begin: Callable[[], None]) -> None:
         """Call `begin` once, as soon as `ready` and unless `end_startup` comes before."""
@@ -144,7 +134,6 @@ class ScenarioNode(ManagedNode):
 
     def publish_diagnostics(self) -> None:
         """Publish the health of the node: the heartbeat."""
-        self._look_for_second()
         lifecycle, k = self.lifecycle, self.newest_step()
         health = Health(Level.OK, lifecycle, {}) if lifecycle == UNCONFIGURED else self.health()
         if lifecycle not in (UNCONFIGURED, ACTIVE) and not self.done:
@@ -157,7 +146,13 @@ class ScenarioNode(ManagedNode):
             **health.values,
         }
         values |= {f"refused_{kind}": count for kind, count in sorted(self.refusals.counts.items())}
-        values |= {"last_refusal": self.refusals.last, **self._usage.read()}
+        cpu_s = time.process_time()
+        values |= {
+            "last_refusal": self.refusals.last,
+            "cpu_percent": self._cpu_percent.read(100.0 * cpu_s),
+            "cpu_s": f"{cpu_s:.2f}",
+            "memory_MB": f"{memory_mb():.1f}",
+        }
         message = diagnostic_message(self._full_name, health._replace(values=values))
         self.grid.set_stamp(message.header.stamp, max(0, k))
         self._diagnostics.publish(message)
@@ -217,29 +212,11 @@ class ScenarioNode(ManagedNode):
             # A status of this name without an age is not of a node of this package.
             with suppress(ValueError):
                 if other != self._id and (float(age), other) > (self._age_s, self._id):
-                    self._refuse_for(self._full_name)
-
-    def _refuse_for(self, other: str) -> None:
-        topic = self.resolve_topic_name(self.MAIN.name)
-        self.refuse(
-            f"the node {other} publishes {topic} already: end it first, or give this node another namespace"
-        )
-
-    def _look_for_second(self) -> None:
-        """While this node is new: end where a node of another name publishes its main topic.
-
-        One that comes when this node has begun to work is the second one.
-        """
-        if self._heartbeats is None:
-            return
-        topic = self.resolve_topic_name(self.MAIN.name)
-        own = (self.get_name(), "_NODE_NAME_UNKNOWN_")
-        for other in self.get_publishers_info_by_topic(topic):
-            if self.newest_step() < 0 and other.node_name not in own:
-                self._refuse_for(other.node_name)
-        if self._age_s > _NEW_S:
-            self.destroy_subscription(self._heartbeats)
-            self._heartbeats = None
+                    topic = self.resolve_topic_name(self.MAIN.name)
+                    self.refuse(
+                        f"the node {self._full_name} publishes {topic} already: end it first, or give this node another"
+                        " namespace"
+                    )
 
     def _log_what_is_missing(self) -> None:
         if self.active and not self.done and (sentence := self.missing()):

@@ -272,9 +272,9 @@ class PlantNode(ScenarioNode):
         goes_on = self._run.step(command)
         self._retries = 0
         if self._run.pushed is not None:
-            self._out.publish_pushed(self.k, self._run.pushed)
+            self._out.pushed.publish(self.k, self._run.pushed)
         self._publish_state()
-        self._out.publish_applied(self.k - 1, self._run.applied)
+        self._out.applied.publish(self.k - 1, self._run.control)
         self._display.publish(self.k, self._run.state, self._run.applied)
         if not goes_on:
             self._finish()
@@ -319,7 +319,7 @@ class PlantNode(ScenarioNode):
         self.get_logger().warning(self._no_command())
         if self.k > 0:
             # A restarted controller continues from here.
-            self._out.publish_applied(self.k - 1, self._run.applied)
+            self._out.applied.publish(self.k - 1, self._run.control)
         self._publish_state()
 
     def _no_command(self) -> str:

@@ -13,7 +13,7 @@ from rosgraph_msgs.msg import Clock
 from skydiver_utc.disturbances.composed import Composed
 from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.estimators.sensor_models import SensorOfPlant
-from skydiver_utc.messages import fill_named, fill_sensor, fill_state
+from skydiver_utc.messages import fill_fields, fill_named, fill_state
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.nodes.topics import Topic
@@ -57,26 +57,29 @@ def state_topic(node: ScenarioNode, topic: Topic, plant: Plant) -> StampedTopic:
 def _of_sensor(node: ScenarioNode, sensor: SensorOfPlant) -> StampedTopic:
     topic = topics.sensor_topic(sensor.name, sensor.message)
     frame = "world" if sensor.message == "TwistStamped" else "body"
-    return StampedTopic(node, topic, sensor.names, frame, partial(fill_sensor, fields=sensor.fields))
+    return StampedTopic(node, topic, sensor.names, frame, partial(fill_fields, fields=sensor.fields))
 
 
 class PlantTopics:
-    """The publishers of a plant; `given`: the one for the estimator, or else the controller."""
+    """The publishers of a plant; `given`: the one for the estimator, or else the controller.
+
+    applied: the control from a step on; pushed: what users have added to the state of a step.
+    """
 
     def __init__(
         self, node: ScenarioNode, plant: Plant, disturbance: Composed, sensors: Sequence[SensorOfPlant]
     ) -> None:
-        self._grid, self._disturbance, self._controls = node.grid, disturbance, len(plant.control_names)
+        self._grid, self._disturbance = node.grid, disturbance
         # Before the clock: a reference that has discovered the clock waits for the scenario, too.
         self.scenario = node.advertise(topics.SCENARIO)
         state = replace(topics.STATE, subscribers=()) if sensors else topics.STATE
         self._state = state_topic(node, state, plant)
         self.state = self._state.publisher
         self._clock, self._clock_message = node.advertise(topics.CLOCK), Clock()
-        self._applied = StampedTopic(node, topics.APPLIED_COMMAND, plant.control_names)
+        self.applied = StampedTopic(node, topics.APPLIED_COMMAND, plant.control_names)
         acting = disturbance.names
         self._acted = StampedTopic(node, topics.DISTURBANCE, acting) if acting else None
-        self._pushed = StampedTopic(node, topics.PUSHED, plant.state_names)
+        self.pushed = StampedTopic(node, topics.PUSHED, plant.state_names)
         self.outcome = node.advertise(topics.OUTCOME)
         self._sensors = [_of_sensor(node, sensor) for sensor in sensors]
         self.given = self._sensors[-1].publisher if sensors else self.state
@@ -89,15 +92,7 @@ class PlantTopics:
         if self._acted is not None:
             self._acted.publish(k, self._disturbance.acted(k, state))
 
-    def publish_pushed(self, k: int, change: Vector) -> None:
-        """What users have added to the state (n,) of step k."""
-        self._pushed.publish(k, change)
-
     def publish_readings(self, readings: Sequence[Reading]) -> None:
         """The measurements that arrive now, each with the stamp of its own step."""
         for reading in readings:
             self._sensors[reading.sensor].publish(reading.step, reading.values)
-
-    def publish_applied(self, k: int, applied: Vector) -> None:
-        """The control of the actuators' state (a,) from step k on."""
-        self._applied.publish(k, applied[: self._controls])

@@ -28,7 +28,7 @@ from skydiver_utc.parameters.nodes import PlayerNodeSettings, resolve_player
 from skydiver_utc.recording.metadata import recorded_qos_profiles
 from skydiver_utc.recording.playback import CLOCK_TYPE, Item, Playback, chosen, in_order
 from skydiver_utc.recording.reader import RecordedTopic, read_bag
-from skydiver_utc.recording.schemas import message_schema
+from skydiver_utc.recording.schemas import type_hash
 
 _CLOCK = "/clock"
 _TICK_S = 0.002
@@ -147,7 +147,7 @@ def _message_class(topic: RecordedTopic) -> Any:
         raise ParameterError(
             f"{topic.name} has the type {topic.type_name}, which is not installed: install it or leave it out"
         ) from error
-    if topic.type_hash and message_schema(topic.type_name).type_hash != topic.type_hash:
+    if topic.type_hash and type_hash(topic.type_name) not in ("", topic.type_hash):
         raise ParameterError(
             f"{topic.name} was recorded with another definition of {topic.type_name} than the installed one: play"
             " it where it was recorded, or choose other topics"

@@ -6,7 +6,6 @@ of 0.65 s for 24 000 messages), and rclpy's EventsExecutor cannot hand serialize
 callback: it raises SystemError.
 """
 
-from collections import deque
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -47,8 +46,6 @@ class RecorderInput:
         self.name = node.resolve_topic_name(topic.name)
         self.channel_id = 0  # in the bag, 0 while there is none
         self.count = 0  # messages written
-        # While nothing is recorded: the messages that a late subscriber would still get.
-        self.latched: deque[RawMessage] = deque(maxlen=topic.qos.depth if topic.latched else 0)
         self._node = node
         self._handle: Any = None
         types = _TYPES.get(topic, (topic.type,))

@@ -46,7 +46,7 @@ class RecorderNode(ScenarioNode):
     It is `done` with the outcome of its run. A recording that fails, on a full disk, does not stop the run: the
     messages are dropped, `failure` is the reason, and the exit code is 1.
 
-    Configured it has an open bag; active it records; inactive it drops messages and counts them in `not_recorded`.
+    Configured it has an open bag and is subscribed; active it records, also what has come while it was inactive.
     """
 
     KIND = topics.RECORDER
@@ -55,7 +55,6 @@ class RecorderNode(ScenarioNode):
         """Without a bag until it is configured."""
         self.folder = Path()
         self.failure = ""
-        self.not_recorded = 0
         self._bag: BagWriter | None = None
         self._inputs: list[RecorderInput] = []
         self._waiting: _Received = []  # until the time of the run is known
@@ -71,7 +70,7 @@ class RecorderNode(ScenarioNode):
         self.folder = Path(self.settings.out or new_run_folder(Path("bags"), self.scenario.name))
         self._run = self._new_run()
         self._waiting.clear()
-        self.failure, self.not_recorded, self.done, self._disk_is_slow = "", 0, False, False
+        self.failure, self.done, self._disk_is_slow = "", False, False
         beside = {
             SCENARIO_FILE: to_yaml(self.scenario),
             VERSIONS_FILE: json.dumps(versions(), indent=2) + "\n",
@@ -85,17 +84,11 @@ class RecorderNode(ScenarioNode):
         self.get_logger().info(f"recording into {self.folder}")
 
     def activate(self) -> None:
-        """Record from now on, beginning with the latched messages."""
-        if self.not_recorded:
-            self._log_not_recorded()
-        latched = [(each, message) for each in self._inputs for message in each.latched]
-        for each in self._inputs:
-            each.latched.clear()
-        self._record(latched)
+        """Record, and announce it when all needed topics have a publisher."""
         self._announced = False
 
     def deactivate(self) -> None:
-        """Record the messages up to now, then drop what comes."""
+        """Record the messages up to now; later ones wait."""
         self.drain()
         self._announced = True
 
@@ -113,8 +106,8 @@ class RecorderNode(ScenarioNode):
         return -1 if newest_ns is None else (newest_ns - self.grid.epoch_ns) // self.grid.dt_ns
 
     def health(self) -> Health:
-        """The folder, and the messages recorded and not recorded."""
-        values = {"folder": self.folder, "recorded": self._count(), "not_recorded": self.not_recorded}
+        """The folder, and the number of messages recorded."""
+        values = {"folder": self.folder, "recorded": self._count()}
         return Health(Level.ERROR if self.failure else Level.OK, self.failure or "recording", values)
 
     def drain(self) -> int:
@@ -161,7 +154,6 @@ class RecorderNode(ScenarioNode):
             if each.subscribe():
                 self._add_to_bag(each)
         if not self.active:
-            self._drop_messages()
             return
         self.drain()
         if not self._announced and not self._without_publisher():
@@ -211,12 +203,6 @@ class RecorderNode(ScenarioNode):
             self.refusals.add(of.topic.name, error)
             return self._run.newest_or_begin_ns
 
-    def _drop_messages(self) -> None:
-        for each in self._inputs:
-            messages = list(each.take_all())
-            each.latched.extend(messages)
-            self.not_recorded += 0 if each.topic.latched else len(messages)
-
     def _end_recording(self) -> None:
         try:
             if self.active and self._bag is not None:
@@ -248,8 +234,6 @@ class RecorderNode(ScenarioNode):
             self._fail(error)
         for sentence in self.not_in_bag():
             self.get_logger().warning(sentence)
-        if self.not_recorded:
-            self._log_not_recorded()
         if bag.dropped:
             self.get_logger().error(f"the disk was too slow: {bag.dropped} messages are not in the bag")
         if self.failure:
@@ -268,9 +252,6 @@ class RecorderNode(ScenarioNode):
 
     def _count(self) -> int:
         return sum(each.count for each in self._inputs)
-
-    def _log_not_recorded(self) -> None:
-        self.get_logger().warning(f"{self.not_recorded} messages were sent while this node was inactive")
 
     def _log_slow_disk(self, bag: BagWriter) -> None:
         slow = bag.behind_s > _SLOW_DISK_S and not self.failure

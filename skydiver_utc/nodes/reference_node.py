@@ -9,7 +9,7 @@ from typing import Any
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from skydiver_utc.loop.build import build_plant, build_reference, preview_steps
-from skydiver_utc.messages import StepGrid, fill_preview, read_twist
+from skydiver_utc.messages import StepGrid, fill_preview, read_fields
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.node import ScenarioNode
@@ -83,7 +83,7 @@ class ReferenceNode(ScenarioNode):
     def on_stick(self, message: Any) -> None:
         """Hold the values of a TwistStamped from the next step on."""
         reference: Any = self._reference
-        reference.receive(read_twist(message.twist, reference.components))
+        reference.receive(read_fields(message.twist, reference.components))
         if self.active and (self._k >= 0 or self.grid.exact):
             self._publish_chunk(self._k + 1)
 

@@ -38,13 +38,10 @@ class RunMonitor:
         """True between the first state and the outcome."""
         return self._first_state_ns is not None and not self.ended
 
-    def steps_before_recording(self, dt_ns: int) -> int:
-        """Steps of the run before its first recorded state."""
-        return 0 if self._first_state_ns is None else (self._first_state_ns - self._begin_ns) // dt_ns
-
     def expected_states(self, dt_ns: int) -> int:
         """States of an ended run from the first recorded one on."""
-        return self._states - self.steps_before_recording(dt_ns)
+        first_ns = self._begin_ns if self._first_state_ns is None else self._first_state_ns
+        return self._states - (first_ns - self._begin_ns) // dt_ns
 
     def receive(self, topic: Topic, message: RawMessage) -> None:
         """Learn the time, the id and the outcome; `MessageError` for a message that is not of this run."""

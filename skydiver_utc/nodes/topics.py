@@ -77,6 +77,7 @@ class Topic:
         return bool(self.qos.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL)
 
 
+# In causal order within one step: messages of one instant are recorded in this order.
 SCENARIO = Topic("scenario", String, LATCHED)
 CLOCK = Topic("/clock", Clock, EACH_STEP, fewer_than_states=0, needed=True)
 STATE = Topic("state", Odometry, EACH_STEP, (CONTROLLER,), fewer_than_states=0, needed=True)
@@ -85,6 +86,7 @@ ESTIMATOR_TELEMETRY = Topic("estimator/telemetry", JointState, EACH_STEP, fewer_
 DISTURBANCE = Topic("disturbance", JointState, EACH_STEP, fewer_than_states=0)
 PUSH = Topic("push", JointState, EACH_STEP, recorded=False)
 PUSHED = Topic("pushed", JointState, EACH_STEP)
+STICK = Topic("stick", TwistStamped, EACH_AS_IT_COMES)
 REFERENCE_PREVIEW = Topic("reference", JointTrajectory, CHUNKS, needed=True)
 SETPOINT = Topic("reference/setpoint", JointState, EACH_STEP, fewer_than_states=0)
 CHANGES = Topic("changes", String, EACH_STEP)
@@ -98,43 +100,15 @@ TRANSFORMS = (
     Topic("/tf", TFMessage, EACH_STEP) if TFMessage else Topic("transforms", TransformStamped, EACH_STEP)
 )
 DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, EACH_STEP)
-OUTCOME = Topic("outcome", String, LATCHED)
-RECORDER_READY = Topic("recorder/ready", String, LATCHED, recorded=False)
 LOGS = Topic("/rosout", Log, LOG)
 PARAMETER_EVENTS = Topic("/parameter_events", ParameterEvent, EACH_STEP)
-STICK = Topic("stick", TwistStamped, EACH_AS_IT_COMES)
+OUTCOME = Topic("outcome", String, LATCHED)
+RECORDER_READY = Topic("recorder/ready", String, LATCHED, recorded=False)
+TOPICS = tuple(each for each in list(globals().values()) if isinstance(each, Topic))
+RECORDED = tuple(topic for topic in TOPICS if topic.recorded)
 
 # Resets the plant to its initial state.
 RESET_SERVICE = f"{PLANT}/reset"
-
-# In causal order within one step: messages of one instant are recorded in this order.
-TOPICS = (
-    SCENARIO,
-    CLOCK,
-    STATE,
-    ESTIMATE,
-    ESTIMATOR_TELEMETRY,
-    DISTURBANCE,
-    PUSH,
-    PUSHED,
-    STICK,
-    REFERENCE_PREVIEW,
-    SETPOINT,
-    CHANGES,
-    COMMAND,
-    TELEMETRY,
-    APPLIED_COMMAND,
-    ROBOT_DESCRIPTION,
-    JOINT_STATES,
-    MARKERS,
-    TRANSFORMS,
-    DIAGNOSTICS,
-    LOGS,
-    PARAMETER_EVENTS,
-    OUTCOME,
-    RECORDER_READY,
-)
-RECORDED = tuple(topic for topic in TOPICS if topic.recorded)
 
 STATE_TYPES = {"odometry": Odometry, "joint_state": JointState}  # by `Plant.state_message`
 COMMAND_TYPES = {"joint_state": JointState, "float64_multi_array": Float64MultiArray, "twist": Twist}

@@ -1,20 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message definitions and type hashes, from the share folders of the installed ROS message packages."""
+"""Message definitions and type hashes of ROS 2 Jazzy, as rosbags has them: no ROS is needed."""
 
-import importlib.util
-import json
-import os
-import re
-import sys
-from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 from typing import NamedTuple
 
-from skydiver_utc.errors import RecordingError
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
-_TYPE_NAME = re.compile(r"(?P<package>[a-z][a-z0-9_]*)/msg/(?P<message>[A-Z][A-Za-z0-9]*)")
-_SEPARATOR = "\n" + "=" * 80 + "\nMSG: "
+from skydiver_utc.errors import RecordingError
 
 
 class MessageSchema(NamedTuple):
@@ -25,55 +18,21 @@ class MessageSchema(NamedTuple):
     type_hash: str
 
 
-@cache
+def type_hash(type_name: str) -> str:
+    """The RIHS01 hash of a type such as `nav_msgs/msg/Odometry`; empty for one that Jazzy does not have."""
+    store = _jazzy()
+    return store.hash_rihs01(type_name) if type_name in store.fielddefs else ""
+
+
 def message_schema(type_name: str) -> MessageSchema:
-    """The schema of a type such as `nav_msgs/msg/Odometry`; `RecordingError` if it is not installed."""
-    # The description lists the type and its dependencies, each with its hash.
-    hashes = {entry["type_name"]: entry["hash_string"] for entry in _description(type_name)["type_hashes"]}
-    parts = [_definition(type_name)]
-    for dependency in hashes:
-        if dependency != type_name:
-            parts.append(f"{dependency.replace('/msg/', '/')}\n{_definition(dependency)}")
-    return MessageSchema(type_name, _SEPARATOR.join(parts), hashes[type_name])
+    """The schema of a type that Jazzy has; `RecordingError` for any other."""
+    if not (found := type_hash(type_name)):
+        raise RecordingError(
+            f"{type_name!r} is no message type of ROS 2 Jazzy: write one as in 'nav_msgs/msg/Odometry'"
+        )
+    return MessageSchema(type_name, _jazzy().generate_msgdef(type_name, ros_version=2)[0], found)
 
 
-def _definition(type_name: str) -> str:
-    return _installed_file(type_name, ".msg").read_text(encoding="utf-8")
-
-
-def _description(type_name: str) -> dict[str, list[dict[str, str]]]:
-    content: dict[str, list[dict[str, str]]] = json.loads(
-        _installed_file(type_name, ".json").read_text(encoding="utf-8")
-    )
-    return content
-
-
-def _installed_file(type_name: str, suffix: str) -> Path:
-    match = _TYPE_NAME.fullmatch(type_name)
-    if match is None:
-        raise RecordingError(f"{type_name!r} is not a message type: write it as in 'nav_msgs/msg/Odometry'.")
-    package, message = match["package"], match["message"]
-    for share in _share_folders(package):
-        file = share / "msg" / f"{message}{suffix}"
-        if file.is_file():
-            return file
-    raise RecordingError(
-        f"The definition of {type_name} is not installed ({package}/msg/{message}{suffix}): install the ROS 2"
-        f" Jazzy package {package}, or source the ROS environment that has it."
-    )
-
-
-def _share_folders(package: str) -> Iterator[Path]:
-    """Candidates for the share folder of a package, best first.
-
-    First beside the Python package, because messages are serialized by its definitions; then the prefixes of a
-    sourced ROS environment; then this Python's prefix. Nothing is imported.
-    """
-    spec = importlib.util.find_spec(package)
-    for location in (spec.submodule_search_locations or ()) if spec else ():
-        for parent in Path(location).parents:
-            yield parent / "share" / package
-    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
-        if prefix:
-            yield Path(prefix) / "share" / package
-    yield Path(sys.prefix) / "share" / package
+@cache
+def _jazzy() -> Typestore:
+    return get_typestore(Stores.ROS2_JAZZY)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from plain_messages import joint_state
 
-from skydiver_utc.messages import MessageError, fill_sensor, read_sensor
+from skydiver_utc.messages import MessageError, fill_fields, read_fields
 
 FIELDS = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
 
@@ -20,14 +20,14 @@ def imu() -> SimpleNamespace:
 
 def test_a_measurement_comes_back_with_its_bits_and_an_imu_says_what_it_does_not_measure() -> None:
     values = np.array([0.1, -2.0, 1.0 / 3.0])
-    message = fill_sensor(imu(), values, FIELDS)
-    np.testing.assert_array_equal(read_sensor(message, FIELDS, "xyz"), values)
+    message = fill_fields(imu(), values, FIELDS)
+    np.testing.assert_array_equal(read_fields(message, FIELDS, "xyz"), values)
     assert message.orientation_covariance[0] == message.angular_velocity_covariance[0] == -1.0
     assert message.linear_acceleration_covariance[0] == 0.0
-    by_name = fill_sensor(joint_state(("angle",), ()), values[:1], ())
-    np.testing.assert_array_equal(read_sensor(by_name, (), ("angle",)), values[:1])
+    by_name = fill_fields(joint_state(("angle",), ()), values[:1], ())
+    np.testing.assert_array_equal(read_fields(by_name, (), ("angle",)), values[:1])
 
 
 def test_a_measurement_that_is_not_finite_is_refused() -> None:
     with pytest.raises(MessageError, match=r"linear_acceleration\.y"):
-        read_sensor(fill_sensor(imu(), np.array([0.0, np.nan, 0.0]), FIELDS), FIELDS, "xyz")
+        read_fields(fill_fields(imu(), np.array([0.0, np.nan, 0.0]), FIELDS), FIELDS, "xyz")

@@ -2,25 +2,23 @@
 """Values by name, states and twists: there and back bit for bit, and what is refused."""
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from plain_messages import joint_state, odometry, twist
+from plain_messages import joint_state, odometry, put, twist
 
 from skydiver_utc.messages import (
     TWIST_COMPONENTS,
     MessageError,
     Refusals,
+    fill_fields,
     fill_named,
     fill_odometry,
-    fill_twist,
+    read_fields,
     read_named,
     read_odometry,
-    read_twist,
 )
 
 NAMES = ("a", "b", "c")
@@ -78,29 +76,18 @@ def test_a_rounded_quaternion_is_normalised_and_an_integrated_one_is_kept(
         np.testing.assert_allclose(found, STATE, rtol=1e-12)
 
 
-def set_frame(message: Any) -> None:
-    message.header.frame_id = "map"
-
-
-def set_body_frame(message: Any) -> None:
-    message.child_frame_id = "base_link"
-
-
-def set_length(message: Any) -> None:
-    message.pose.pose.orientation.w += 0.01
-
-
-def set_nan(message: Any) -> None:
-    message.twist.twist.angular.z = math.nan
-
-
 @pytest.mark.parametrize(
-    ("kind", "edit"),
-    [("frame", set_frame), ("frame", set_body_frame), ("quaternion", set_length), ("finite", set_nan)],
+    ("kind", "place", "value"),
+    [
+        ("frame", "header.frame_id", "map"),
+        ("frame", "child_frame_id", "base_link"),
+        ("quaternion", "pose.pose.orientation.w", 0.92),
+        ("finite", "twist.twist.angular.z", math.nan),
+    ],
 )
-def test_a_state_that_cannot_be_used_is_refused(kind: str, edit: Callable[[Any], None]) -> None:
+def test_a_state_that_cannot_be_used_is_refused(kind: str, place: str, value: object) -> None:
     message = fill_odometry(odometry(), STATE)
-    edit(message)
+    put(message, place, value)
     with pytest.raises(MessageError) as refused:
         read_odometry(message, ("world", "body"))
     assert refused.value.kind == kind
@@ -114,12 +101,12 @@ def test_the_frames_are_those_that_are_asked_for() -> None:
 
 def test_a_twist_holds_each_value_in_its_component() -> None:
     values = np.arange(1.0, 7.0)
-    message = fill_twist(twist(), TWIST_COMPONENTS, values)
+    message = fill_fields(twist(), values, TWIST_COMPONENTS)
     assert (message.linear.y, message.angular.z) == (2.0, 6.0)
-    assert read_twist(message, ("angular.z", "linear.x")).tolist() == [6.0, 1.0]
+    assert read_fields(message, ("angular.z", "linear.x")).tolist() == [6.0, 1.0]
     message.linear.x = math.inf
     with pytest.raises(MessageError):
-        read_twist(message, ("linear.x",))
+        read_fields(message, ("linear.x",))
 
 
 def test_refusals_are_counted_and_the_first_of_a_kind_is_logged() -> None:

@@ -2,14 +2,14 @@
 """The controller node: what it answers, where it begins, and its live parameters."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from own_slots import CART, Cart, Proportional, cart_file
-from rcl_interfaces.srv import ListParameters, SetParameters
+from plain_messages import put
+from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from ros_fixtures import JOINT_STATE, Partner, Ros
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -18,8 +18,7 @@ from skydiver_utc.loop.build import build_reference
 from skydiver_utc.messages import fill_named, fill_preview, read_named
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.controller_node import ControllerNode
-from skydiver_utc.parameters import ParameterError, load_scenario
-from skydiver_utc.parameters.nodes import resolve
+from skydiver_utc.parameters import ParameterError
 
 pytest_plugins = ("ros_fixtures",)
 
@@ -149,32 +148,21 @@ def test_the_last_state_needs_no_answer(stage: Stage) -> None:
     assert stage.answers(1) == [49]
 
 
-def without_a_name(message: Any) -> None:
-    message.name[0] = "height"
-
-
-def not_finite(message: Any) -> None:
-    message.position[1] = float("nan")
-
-
-def off_the_grid(message: Any) -> None:
-    message.header.stamp.nanosec += 1
-
-
-def beyond_the_model(message: Any) -> None:
-    message.position[0] = 1e3
-
-
 @pytest.mark.parametrize(
-    ("kind", "edit"),
-    [("names", without_a_name), ("finite", not_finite), ("stamp", off_the_grid), ("model", beyond_the_model)],
+    ("kind", "place", "value"),
+    [
+        ("names", "name.0", "height"),
+        ("finite", "position.1", float("nan")),
+        ("stamp", "header.stamp.nanosec", 1),
+        ("model", "position.0", 1e3),
+    ],
 )
 def test_a_state_that_cannot_be_used_is_counted_and_the_next_one_answered(
-    stage: Stage, kind: str, edit: Callable[[Any], None]
+    stage: Stage, kind: str, place: str, value: object
 ) -> None:
     stage.ready()
     message = stage.state(0)
-    edit(message)
+    put(message, place, value)
     stage.states.publish(message)
     stage.ros.spin_until(lambda: stage.node.refusals.counts[kind] == 1)
     stage.send(0)
@@ -252,7 +240,7 @@ def test_what_was_set_before_a_run_counts_from_its_beginning(stage: Stage) -> No
         ("controller.gain", -1.0, "gain"),
         ("controller.gain", float("nan"), "gain"),
         ("controller.gain", "much", "type"),
-        ("controller.gian", 1.0, "gian"),
+        ("controller.gian", 1.0, "undeclared"),
         ("duration_s", 1.0, "duration_s"),
         ("mode", "real_time", "mode"),
         ("reference.amplitude", 1.0, "amplitude"),
@@ -267,44 +255,6 @@ def test_what_cannot_be_set_is_refused_by_name_and_changes_nothing(
     stage.ready().send(0)
     stage.answers(1)
     assert stage.control().tobytes() == stage.decided(0).tobytes()
-
-
-def test_every_scalar_and_no_prose_is_a_parameter(stage: Stage) -> None:
-    listed = stage.partner.call(stage.ros, "controller/list_parameters", ListParameters)
-    names = set(listed.result.names)
-    assert {"mode", "duration_s", "controller.gain", "reference.frequency_hz"} <= names
-    assert not {"title", "description", "name"} & names
-
-
-@pytest.mark.parametrize(
-    ("kind", "given", "word"),
-    [
-        ("plant", {"moed": "lockstep"}, "mode"),
-        ("plant", {"controller.gian": 1.0}, "controller.gain"),
-        ("plant", {"mode": "vehicle"}, "lockstep, real_time"),
-        ("plant", {"command_retries": 1.5}, "command_retries"),
-        ("reference", {"chunk_steps": 0}, "chunk_steps"),
-        ("controller", {"delay_steps": -1}, "delay_steps"),
-        ("controller", {"controller.gain": "high"}, "controller.gain"),
-        ("recorder", {"folder": "x"}, "folder"),
-    ],
-)
-def test_a_bad_parameter_is_refused_by_name(
-    tmp_path: Path, kind: str, given: dict[str, object], word: str
-) -> None:
-    with pytest.raises(ParameterError) as refused:
-        resolve(kind, {"scenario": cart_file(tmp_path)} | given)
-    assert word in str(refused.value)
-
-
-def test_parameters_at_the_start_are_merged_into_the_scenario(tmp_path: Path) -> None:
-    path = cart_file(tmp_path)
-    found = resolve(
-        "plant", {"scenario": path, "controller.gain": 7, "startup_timeout_s": 3, "use_sim_time": True}
-    )
-    assert found.scenario == load_scenario(path, {"controller.gain": 7.0})
-    assert found.changes == {"controller.gain": 7}
-    assert found.settings.startup_timeout_s == 3.0  # type: ignore[attr-defined]
 
 
 def test_a_twist_needs_a_component_for_each_control(ros: Ros, tmp_path: Path) -> None:

@@ -202,7 +202,11 @@ def test_every_node_publishes_how_it_is_once_a_second(ros: Ros, tmp_path: Path) 
     messages = stage.spectator.receive(topics.DIAGNOSTICS)
     stage.add("reference", autostart=False)
     plant = stage.add("plant")
-    stage.spectator.publisher(topics.COMMAND).publish(topics.COMMAND.type(name=["force"]))
+    pushes = stage.spectator.publisher(topics.PUSH)
+    ros.spin_until(pushes.get_subscription_count)
+    pushes.publish(topics.PUSH.type(name=["nothing"]))
+    ros.spin_until(lambda: plant.refusals.counts["names"])
+    messages.clear()
 
     def statuses(name: str) -> list[Any]:
         return [
@@ -212,25 +216,11 @@ def test_every_node_publishes_how_it_is_once_a_second(ros: Ros, tmp_path: Path) 
     ros.spin_until(lambda: len(statuses("plant")) >= 2 and statuses("reference"))
     values = {pair.key: pair.value for pair in statuses("plant")[-1].values}
     assert {"step", "lifecycle", "cpu_percent", "memory_MB", "last_refusal"} <= set(values)
-    assert (values["step"], values["lifecycle"]) == (str(plant.k), "active")
+    assert (values["step"], values["lifecycle"], values["refused_names"]) == (str(plant.k), "active", "1")
     assert float(values["memory_MB"]) > 1.0
     values = {pair.key: pair.value for pair in statuses("reference")[-1].values}
     assert values["lifecycle"] == "unconfigured"
     assert plant.grid.step_of(messages[0].header.stamp) == 0
-
-
-def test_what_a_node_refused_is_in_its_diagnostics(ros: Ros, tmp_path: Path) -> None:
-    stage = Stage(ros, tmp_path)
-    messages = stage.spectator.receive(topics.DIAGNOSTICS)
-    reference = stage.add("reference")
-    clocks = stage.spectator.publisher(topics.CLOCK)
-    ros.spin_until(clocks.get_subscription_count)
-    clocks.publish(topics.CLOCK.type())
-    ros.spin_until(lambda: reference.refusals.counts["stamp"] == 1)
-    reference.publish_diagnostics()
-    ros.spin_until(
-        lambda: any(p.key == "refused_stamp" and p.value == "1" for m in messages for p in m.status[0].values)
-    )
 
 
 @pytest.mark.parametrize("values", [{}, {"id": "another", "age_s": "old"}])

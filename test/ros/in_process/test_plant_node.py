@@ -2,12 +2,12 @@
 """The plant node in lockstep: which commands it steps on, retransmission, and its ends."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from own_slots import CART, cart_file
+from plain_messages import put
 from ros_fixtures import JOINT_STATE, Partner, Ros
 
 from skydiver_utc.loop.outcome import Outcome
@@ -49,32 +49,21 @@ def stage(ros: Ros, tmp_path: Path) -> Stage:
     return Stage(ros, tmp_path)
 
 
-def off_the_grid(message: Any) -> None:
-    message.header.stamp.nanosec += 1
-
-
-def of_a_coming_step(message: Any) -> None:
-    message.header.stamp.nanosec += 500_000_000
-
-
-def without_a_name(message: Any) -> None:
-    message.name = ["force"]
-
-
-def not_finite(message: Any) -> None:
-    message.position[0] = float("nan")
-
-
 @pytest.mark.parametrize(
-    ("kind", "edit"),
-    [("stamp", off_the_grid), ("stamp", of_a_coming_step), ("size", without_a_name), ("finite", not_finite)],
+    ("kind", "place", "value"),
+    [
+        ("stamp", "header.stamp.nanosec", 1),
+        ("stamp", "header.stamp.nanosec", 500_000_000),  # of a coming step
+        ("size", "name", ["force"]),
+        ("finite", "position.0", float("nan")),
+    ],
 )
 def test_a_command_that_cannot_be_used_is_counted_and_the_run_waits(
-    stage: Stage, kind: str, edit: Callable[[Any], None]
+    stage: Stage, kind: str, place: str, value: object
 ) -> None:
     stage.begin()
     message = stage.command(0)
-    edit(message)
+    put(message, place, value)
     stage.commands.publish(message)
     stage.ros.spin_until(lambda: stage.plant.refusals.counts[kind] == 1)
     assert stage.plant.k == 0

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from own_slots import cart_file
 from rclpy.qos import QoSProfile
-from rclpy.serialization import serialize_message
 from ros_domains import reserved_domain
 from ros_fixtures import JOINT_STATE, Partner, Ros
 from rosgraph_msgs.msg import Clock
@@ -24,7 +23,6 @@ from skydiver_utc.nodes.recorder_node import RecorderNode
 from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.nodes.topics import RECORDED, Topic
 from skydiver_utc.parameters import ParameterError
-from skydiver_utc.recording.metadata import offered_qos
 from skydiver_utc.recording.reader import read_bag
 from skydiver_utc.recording.schemas import message_schema
 from skydiver_utc.recording.writer import BagWriter
@@ -145,33 +143,6 @@ def test_a_recording_without_a_clock_gets_one(ros: Ros, tmp_path: Path) -> None:
     node = player(ros, text_bag(tmp_path / "bag"))
     ros.spin_until(lambda: node.finished and len(clocks) == 3)
     assert [clock.clock.nanosec for clock in clocks] == [0, 10_000_000, 20_000_000]
-
-
-def test_bytes_that_are_no_message_are_played_or_counted(ros: Ros, tmp_path: Path) -> None:
-    """On every topic a message between bytes that are none; only types of fixed length reject too many bytes."""
-    run = tmp_path / "run"
-    with BagWriter(run) as bag:
-        for number, topic in enumerate(OF_CART):
-            name = topic.name if topic.name.startswith("/") else f"/skydiver/{topic.name}"
-            qos = topic.qos
-            offered = offered_qos(qos.depth, qos.reliability.name, qos.durability.name)
-            channel = bag.add_topic(name, *message_schema(topic.type_name), offered)
-            for k, data in enumerate(
-                (b"", bytes(serialize_message(topic.type())), b"\0\1\0\0" + b"\xff" * 1000)
-            ):
-                bag.write(channel, data, 10**18 + k * 10**8 + number, 1)
-    audience = Audience(ros)
-    node = player(ros, run)
-    ros.spin_until(lambda: node.finished)
-    expected = {name: topic.cdr for name, topic in read_bag(run).items()}
-    expected["/clock"] = expected["/clock"][:2]
-    for topic in OF_CART:
-        if topic.qos.reliability != topics.EACH_STEP.reliability:
-            expected.pop(f"/skydiver/{topic.name}"), audience.received.pop(f"/skydiver/{topic.name}")
-    ros.spin_until(lambda: audience.count >= sum(map(len, expected.values())))
-    assert audience.received == expected
-    assert node.not_sent == {"/clock": 1}
-    assert node.close() == 0
 
 
 @pytest.mark.parametrize(

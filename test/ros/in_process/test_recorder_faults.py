@@ -123,14 +123,14 @@ def test_missing_messages_are_counted_at_the_end(ros: Ros, tmp_path: Path, log: 
     assert metadata_of(tmp_path / "run")["message_count"] > 0
 
 
-def test_an_inactive_recorder_records_nothing_and_says_how_much_that_was(ros: Ros, tmp_path: Path) -> None:
+def test_what_comes_while_a_recorder_is_inactive_is_recorded_after_that(ros: Ros, tmp_path: Path) -> None:
     stage = Stage(ros, tmp_path / "run").all_there()
     stage.state(0)
     stage.node.trigger_deactivate()
     stage.send(topics.CHANGES, String(data="{}"))
-    ros.spin_until(lambda: stage.node.not_recorded > 0)
+    ros.spin_for(0.2)
     stage.node.trigger_activate()
     stage.state(1)
     names = [message.topic for message in stage.recorded()]
     assert names.count("/skydiver/state") == 2
-    assert "/skydiver/changes" not in names
+    assert names.count("/skydiver/changes") == 1

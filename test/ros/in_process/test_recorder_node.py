@@ -15,7 +15,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from bags import metadata_of
-from skydiver_utc.errors import RecordingError
 from skydiver_utc.messages import outcome_text
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.recorder_node import RecorderNode
@@ -102,15 +101,6 @@ def test_a_vehicle_has_its_own_time(stage: Stage) -> None:
     assert stage.node.refusals.counts == {}
 
 
-def test_its_diagnostics_have_the_newest_simulated_time(stage: Stage) -> None:
-    received = stage.others.receive(topics.DIAGNOSTICS)
-    stage.all_there()
-    stage.state(9)
-    own = stage.node.grid.step_of
-    stage.ros.spin_until(lambda: any(own(message.header.stamp) == 9 for message in received))
-    assert {own(message.header.stamp) for message in received} <= {0, 9}
-
-
 def test_it_is_ready_when_it_receives_every_needed_topic(stage: Stage) -> None:
     for topic in NEEDED:
         stage.ros.spin_for(0.1)
@@ -127,17 +117,6 @@ def test_the_outcome_of_its_run_ends_the_recording(stage: Stage) -> None:
     stage.outcome(1, run_id="another")
     stage.ros.spin_until(lambda: stage.node.refusals.counts["run"] == 1)
     assert not stage.node.finished
-    stage.outcome(1)
-    stage.ros.spin_until(lambda: stage.node.finished)
-
-
-def test_a_clock_that_is_set_back_changes_nothing(
-    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    now_ns = time.time_ns
-    monkeypatch.setattr(time, "time_ns", lambda: now_ns() + 3600 * 10**9)
-    stage = Stage(ros, tmp_path / "bag").all_there()
-    stage.state(0)
     stage.outcome(1)
     stage.ros.spin_until(lambda: stage.node.finished)
 
@@ -234,11 +213,3 @@ def test_without_a_name_the_folder_is_named_by_time_and_scenario(
     (folder,) = (tmp_path / "bags").iterdir()
     assert folder.name[8] == "T"
     assert folder.name.endswith("Z_fast_turn_unknown_dynamics")
-
-
-@pytest.mark.parametrize("name", ["there", "file/run"])
-def test_a_folder_that_cannot_be_made_is_refused(ros: Ros, tmp_path: Path, name: str) -> None:
-    (tmp_path / "there" / "within").mkdir(parents=True)
-    (tmp_path / "file").touch()
-    with pytest.raises(RecordingError, match=name):
-        RecorderNode(ros.context, overrides(out=str(tmp_path / name)))

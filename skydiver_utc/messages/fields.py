@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The measurement of a sensor in the fields of its message, each named as in `linear_acceleration.x`."""
+"""Measurements of a sensor, or values of a twist, in fields of a message, each named as in `linear_acceleration.x`."""
 
 from collections.abc import Sequence
 from operator import attrgetter
@@ -12,11 +12,12 @@ from skydiver_utc.messages.errors import refuse_non_finite
 from skydiver_utc.messages.named import fill_named, read_named
 
 Vector = NDArray[np.float64]
+TWIST_COMPONENTS = tuple(f"{part}.{axis}" for part in ("linear", "angular") for axis in "xyz")
 # By ROS's convention the first number of a covariance is -1 where an Imu does not measure that.
 _OF_IMU = ("orientation", "angular_velocity", "linear_acceleration")
 
 
-def fill_sensor(message: Any, values: Vector, fields: Sequence[str]) -> Any:
+def fill_fields(message: Any, values: Vector, fields: Sequence[str]) -> Any:
     """Write values (l,) into these fields; without fields into a JointState that has the names. Returns the message."""
     if not fields:
         return fill_named(message, values)
@@ -29,7 +30,7 @@ def fill_sensor(message: Any, values: Vector, fields: Sequence[str]) -> Any:
     return message
 
 
-def read_sensor(message: Any, fields: Sequence[str], names: Sequence[str]) -> Vector:
+def read_fields(message: Any, fields: Sequence[str], names: Sequence[str] = ()) -> Vector:
     """The values (l,) of these fields, or by name of a JointState."""
     if not fields:
         return read_named(message, names)
