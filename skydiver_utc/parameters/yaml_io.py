@@ -12,14 +12,16 @@ import yaml
 from skydiver_utc.errors import ParameterError
 
 _TAG = "tag:yaml.org,2002:"
+_MERGE = f"{_TAG}merge"
 _NUMBER = r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?"
 # Tag -> the texts without quotes that have it, and their first characters. All else is text: no 1_000, no 1:30, no
-# yes or no, no dates, no <<; 010 is ten.
+# yes or no, no dates; 010 is ten.
 _SCALARS: dict[str, tuple[str, list[str]]] = {
     f"{_TAG}null": (r"~|null|Null|NULL|", ["~", "n", "N", ""]),
     f"{_TAG}bool": (r"true|True|TRUE|false|False|FALSE", list("tTfF")),
     f"{_TAG}int": (r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", list("-+0123456789")),
     f"{_TAG}float": (rf"{_NUMBER}|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", list("-+.0123456789")),
+    _MERGE: (r"<<", ["<"]),
 }
 # Bounds of a file with every alias written out; a resolved scenario has some thousand values, six blocks deep.
 _MOST_VALUES, _DEEPEST = 200_000, 100
@@ -35,21 +37,41 @@ class _StrictLoader(_SafeLoader):  # type: ignore[misc]
 
     yaml_implicit_resolvers: dict[str, Any] = {}
 
-    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
-        """The pairs of a block."""
-        seen = set()
-        for key, _ in node.value:
-            name = self.construct_object(key, deep=True)
-            if name in seen:
-                line = node.start_mark.line + 1
-                raise ParameterError(f"the key {name!r} stands twice in the block at line {line}: keep one")
-            seen.add(name)
-        pairs: dict[Any, Any] = super().construct_mapping(node, deep)
-        return pairs
+    def flatten_mapping(self, node: Any) -> None:
+        """Put the pairs of merged blocks (`<<`), of which the first counts, before the node's own, once."""
+        if hasattr(node, "own_pairs"):
+            return
+        node.own_pairs = {}
+        for key, value in node.value:
+            if key.tag != _MERGE:
+                name = self.construct_object(key)
+                if name in node.own_pairs:
+                    line = node.start_mark.line + 1
+                    raise ParameterError(
+                        f"the key {name!r} stands twice in the block at line {line}: keep one"
+                    )
+                node.own_pairs[name] = key, value
+        merged: dict[Any, Any] = {}
+        for block in [block for key, value in node.value if key.tag == _MERGE for block in _blocks(value)]:
+            self.flatten_mapping(block)
+            for key, value in block.value:
+                merged.setdefault(self.construct_object(key), (key, value))
+        node.value = list((merged | node.own_pairs).values())
 
     def construct_integer(self, node: yaml.ScalarNode) -> int:
         text = str(self.construct_scalar(node))
         return int(text, 0 if text[:2] in ("0o", "0x") else 10)
+
+
+def _blocks(value: yaml.Node) -> list[yaml.Node]:
+    """The blocks that `<<` names, one or a list."""
+    blocks = value.value if isinstance(value, yaml.SequenceNode) else [value]
+    for block in blocks:
+        if not isinstance(block, yaml.MappingNode):
+            raise ParameterError(
+                f"<< at line {value.start_mark.line + 1} needs blocks of named values: name one"
+            )
+    return list(blocks)
 
 
 class _Dumper(yaml.SafeDumper):

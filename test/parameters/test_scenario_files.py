@@ -35,7 +35,10 @@ SCALARS = {
 
 @pytest.mark.parametrize("text", SCALARS)
 def test_scalars_are_those_of_yaml_1_2_and_come_back(text: str) -> None:
-    expected = SCALARS[text]
+    if text == "<<":
+        text, expected = "'<<'", "<<"
+    else:
+        expected = SCALARS[text]
     found = parse_yaml(f"a: {text}", "it")["a"]
     assert (found, type(found)) == (expected, type(expected))
     again = parse_yaml(write_yaml({"a": found, "b": text}), "it")
@@ -47,6 +50,21 @@ def test_a_cell_that_is_no_number_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="number"):
         number(text)
     assert number(" -1.5e3 ") == -1500.0
+
+
+def test_blocks_can_be_merged(tmp_path: Path) -> None:
+    text = "a: &a {x: 1, long: 2}\nc: {<<: [&b {<<: *a, long: 3}, *a], z: 4}\nd: *b\ne: {<<: [*a, *b]}"
+    assert parse_yaml(text, "it") == {
+        "a": {"x": 1, "long": 2},
+        "c": {"x": 1, "long": 3, "z": 4},
+        "d": {"x": 1, "long": 3},
+        "e": {"x": 1, "long": 2},
+    }
+    doubled = "".join(f"b{k}: &b{k} {{<<: [*b{k - 1}, *b{k - 1}]}}\n" for k in range(1, 40))
+    assert parse_yaml("b0: &b0 {x: 1}\n" + doubled, "it")["b39"] == {"x": 1}
+    initial = "  initial: {<<: &i {bank_deg: 5.0}, pitch_deg: 1.0}\n"
+    path = write(tmp_path / "flight.yaml", f"extends: bank_recovery\nplant:\n{initial}")
+    assert load_scenario(str(path)).plant.initial.bank_deg == 5.0
 
 
 ALIASED = "".join(f"b{k}: &b{k} [{', '.join([f'*b{k - 1}'] * 9)}]\n" for k in range(1, 40))
