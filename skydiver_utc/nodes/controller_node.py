@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controller as a node: one command for each state, in real time for the newest, with the state's stamp."""
 
-import sys
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,7 +26,6 @@ from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.answering import AnsweringNode
 from skydiver_utc.nodes.controller_topics import ControllerTopics
 from skydiver_utc.nodes.diagnostics import Health, Level
-from skydiver_utc.nodes.process import run
 from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.parameters.nanoseconds import stamp_ns
 
@@ -238,9 +235,3 @@ class ControllerNode(AnsweringNode):
         started = preview_steps(self.scenario)
         chunk_steps = (self._previewed - 1 - started) // 2
         return max(self._needs, started + 1 + chunk_steps)
-
-
-main = partial(run, topics.CONTROLLER)
-
-if __name__ == "__main__":
-    sys.exit(main())

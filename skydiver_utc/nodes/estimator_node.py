@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The estimator as a node: an estimate of each state, from the measurements of sensors and the commands."""
 
-import sys
 from collections import deque
 from functools import partial
 from typing import Any
@@ -27,7 +26,6 @@ from skydiver_utc.nodes.answering import AnsweringNode
 from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.lifecycle import NotNeededError
 from skydiver_utc.nodes.plant_topics import StampedTopic, state_topic
-from skydiver_utc.nodes.process import run
 from skydiver_utc.rotations import turn_into_body
 
 Vector = NDArray[np.float64]
@@ -212,9 +210,3 @@ def _fill_covariance(message: Any, state: Vector, P: Vector) -> None:
         turn_into_body(state[3:7], axis, row)  # rows of the matrix from body to world
     message.pose.covariance[:] = (J @ P[:6, :6] @ J.T).ravel()
     message.twist.covariance[:] = P[6:12, 6:12].ravel()
-
-
-main = partial(run, topics.ESTIMATOR)
-
-if __name__ == "__main__":
-    sys.exit(main())

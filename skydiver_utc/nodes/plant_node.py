@@ -2,11 +2,9 @@
 """The plant as a node: in lockstep it steps only on the command that carries its own stamp, else by the clock."""
 
 import json
-import sys
 import time
 import uuid
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,7 +23,6 @@ from skydiver_utc.nodes.lifecycle import RefusedError
 from skydiver_utc.nodes.node import ScenarioNode, wait_for_subscribers
 from skydiver_utc.nodes.plant_display import PlantDisplay
 from skydiver_utc.nodes.plant_topics import PlantTopics
-from skydiver_utc.nodes.process import run
 from skydiver_utc.parameters import to_yaml
 
 _PROGRESS_PERIOD_S = 0.5
@@ -356,9 +353,3 @@ def _print(line: dict[str, object]) -> None:
     """One JSON line on stdout; the run continues when the pipe is closed."""
     with suppress(BrokenPipeError):
         print(json.dumps(line), flush=True)
-
-
-main = partial(run, topics.PLANT)
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -2,11 +2,9 @@
 """The player as a node: publishes a recording again, byte for byte and in order, at any rate, with `/clock`."""
 
 import importlib
-import sys
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +18,6 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 
 from skydiver_utc.nodes.lifecycle import RefusedError, destroyed_on_error
 from skydiver_utc.nodes.node import given_parameters, wait_for_subscribers
-from skydiver_utc.nodes.process import run
 from skydiver_utc.nodes.topics import EACH_STEP
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.parameters.nanoseconds import NANOSECONDS
@@ -166,9 +163,3 @@ def _quality(topic: RecordedTopic) -> QoSProfile:
         durability=QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE,
         reliability=QoSReliabilityPolicy.BEST_EFFORT if best_effort else QoSReliabilityPolicy.RELIABLE,
     )
-
-
-main = partial(run, "player")
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -48,6 +48,9 @@ def run(kind: str, arguments: Sequence[str] | None = None) -> int:
         return _run(kind, arguments)
     except KeyboardInterrupt:
         return 0
+    except BrokenPipeError:  # whoever reads the help may close it early, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except ParameterError as error:
         return _refuse(kind, str(error))
     except ImportError as error:

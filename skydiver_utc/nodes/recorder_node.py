@@ -2,9 +2,7 @@
 """The recorder as a node: every topic, byte for byte, into a rosbag2 folder at simulated time."""
 
 import json
-import sys
 import time
-from functools import partial
 from pathlib import Path
 
 from std_msgs.msg import String
@@ -14,7 +12,6 @@ from skydiver_utc.messages import MessageError
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.node import ScenarioNode
-from skydiver_utc.nodes.process import run
 from skydiver_utc.nodes.recorder_inputs import RawMessage, RecorderInput
 from skydiver_utc.nodes.run_monitor import RunMonitor
 from skydiver_utc.nodes.topics import RECORDED
@@ -283,9 +280,3 @@ class RecorderNode(ScenarioNode):
         for each in self._inputs:
             for sentence in each.wrong_types():
                 self.get_logger().error(sentence)
-
-
-main = partial(run, topics.RECORDER)
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The reference as a node: previews in chunks on the grid of steps, and the values of each step for plots."""
 
-import sys
 import time
-from functools import partial
 from typing import Any
 
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -14,7 +12,6 @@ from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.nodes.plant_topics import StampedTopic
-from skydiver_utc.nodes.process import run
 from skydiver_utc.parameters.nanoseconds import stamp_ns
 
 _PATIENCE_S = 5.0
@@ -132,9 +129,3 @@ class ReferenceNode(ScenarioNode):
         self._chunk = k0 // self._chunk_steps
         values = self._reference.preview(k0, self._count)
         self._previews.publish(fill_preview(self._preview, self.grid, k0, values))
-
-
-main = partial(run, topics.REFERENCE)
-
-if __name__ == "__main__":
-    sys.exit(main())

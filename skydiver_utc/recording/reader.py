@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.records import Channel, Schema, Statistics
+from mcap.records import Channel, Footer, Schema, Statistics
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.mcap_file import LAST_TIME_NS
 from skydiver_utc.recording.metadata import HASH_KEY, QOS_KEY, mcap_files
-from skydiver_utc.recording.records import DAMAGE, MAGIC, Damaged, parts, unpacked
+from skydiver_utc.recording.records import DAMAGE, Damaged, parts, unpacked
 
 _ENCAPSULATION_LENGTH = 4
 
@@ -139,12 +139,12 @@ class _Contents:
         self.message_count = 0
 
     def add(self, path: Path) -> None:
-        _check_whole(path)
         # Schemas and channels stand before their first message and again at the end of the file.
         schemas: dict[int, Schema] = {}
         channels: dict[int, str] = {}
         readable: dict[int, RecordedTopic] = {}
         before = self.message_count
+        damage, whole = "", False
         for part in parts(path):
             if isinstance(part, tuple) and not isinstance(part, Damaged):
                 channel_id, log_time, publish_time, cdr = part
@@ -161,9 +161,19 @@ class _Contents:
                 if (topic := self._topic(part, schemas.get(part.schema_id))) is not None:
                     readable[part.id] = topic
             elif isinstance(part, Damaged):
-                raise _damaged(path, part.reason)
+                damage = damage or part.reason
             elif isinstance(part, Statistics) and part.message_count != self.message_count - before:
-                raise _damaged(path, f"{self.message_count - before} of {part.message_count} messages found")
+                damage = damage or f"{self.message_count - before} of {part.message_count} messages found"
+            whole = whole or isinstance(part, Footer)
+        if not whole:
+            raise RecordingError(
+                f"{path} has no end, it is still being recorded or its recorder was killed: save its messages"
+                f" with `skydiver-utc recover {path}` and read that."
+            )
+        if damage:
+            raise RecordingError(
+                f"{path} is damaged ({damage}): save the rest with `skydiver-utc recover {path}` and read that."
+            )
 
     def _topic(self, channel: Channel, schema: Schema | None) -> RecordedTopic | None:
         """The topic of a channel; None if it is not wanted or its messages are not those of a ROS 2 topic."""
@@ -180,25 +190,6 @@ class _Contents:
         )
         topic = self.topics.setdefault(channel.topic, new)
         return topic if (topic.type_name, topic.definition) == (new.type_name, new.definition) else None
-
-
-def _damaged(path: Path, reason: str) -> RecordingError:
-    return RecordingError(
-        f"{path} is damaged ({reason}): save the rest with `skydiver-utc recover {path}` and read that."
-    )
-
-
-def _check_whole(path: Path) -> None:
-    """Raise `RecordingError` if an MCAP file has no end."""
-    first = next(parts(path), None)  # what is no MCAP file is refused
-    with path.open("rb") as stream:
-        stream.seek(max(path.stat().st_size - len(MAGIC), len(MAGIC)))
-        whole = stream.read() == MAGIC
-    if first is None or not whole:
-        raise RecordingError(
-            f"{path} has no end, it is still being recorded or its recorder was killed: save its messages"
-            f" with `skydiver-utc recover {path}` and read that."
-        )
 
 
 @lru_cache(maxsize=64)

@@ -13,7 +13,7 @@ from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Metadata, Schema, Statistics
+from mcap.records import Attachment, Channel, Chunk, Footer, Metadata, Schema, Statistics
 
 from skydiver_utc.errors import RecordingError
 
@@ -40,6 +40,7 @@ _CONTENTS = {
     Opcode.ATTACHMENT: Attachment,
     Opcode.METADATA: Metadata,
     Opcode.STATISTICS: Statistics,
+    Opcode.FOOTER: Footer,
 }
 _INDEXES = frozenset(Opcode) - _CONTENTS.keys() - {Opcode.MESSAGE, Opcode.CHUNK}
 

@@ -63,6 +63,18 @@ def messages_in(path: Path) -> list[Message]:
         return [message for _, _, message in make_reader(stream).iter_messages(log_time_order=False)]
 
 
+def stored(folder: Path) -> list[Row]:
+    """The messages of a bag folder in the order of its file."""
+    (path,) = folder.glob("*.mcap")
+    with path.open("rb") as stream:
+        return [
+            Row(channel.topic, message.log_time, message.publish_time, message.data)
+            for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages(
+                log_time_order=False
+            )
+        ]
+
+
 def metadata_of(folder: Path) -> dict[str, Any]:
     """The content of metadata.yaml."""
     content = yaml.safe_load((folder / "metadata.yaml").read_text())

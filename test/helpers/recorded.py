@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a run folder holds, by topic and step, read by the mcap library and rclpy."""
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from mcap.reader import make_reader
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message
 
+from bags import stored
 from skydiver_utc.analysis.recorded_run import read_run
 from skydiver_utc.loop.build import build_plant
 from skydiver_utc.loop.closed_loop import simulate
@@ -17,23 +16,6 @@ from skydiver_utc.messages import StepGrid, read_named, read_outcome, read_state
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.topics import Topic
 from skydiver_utc.parameters import load_scenario
-
-
-class Stored(NamedTuple):
-    """A message in a bag; times in ns."""
-
-    topic: str
-    log_time: int
-    publish_time: int
-    cdr: bytes
-
-
-def stored(folder: Path) -> Iterator[Stored]:
-    """The messages of a bag in the order of its file."""
-    (path,) = folder.glob("*.mcap")
-    with path.open("rb") as stream:
-        for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
-            yield Stored(channel.topic, message.log_time, message.publish_time, message.data)
 
 
 class Bag:

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.serialization import serialize_message
-from recorded import Stored, stored
 from ros_fixtures import Partner, Ros, overrides
 from std_msgs.msg import String
 
+from bags import Row, stored
 from skydiver_utc.messages import outcome_text, scenario_text
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.recorder_node import RecorderNode
@@ -62,7 +62,7 @@ class Stage:
         text = outcome_text(run_id, outcome, "", wall_time_s=1.0, states=states)
         self.send(topics.OUTCOME, String(data=text))
 
-    def recorded(self) -> list[Stored]:
+    def recorded(self) -> list[Row]:
         """Close the recorder; the messages of others."""
         self.node.close()
         own = {topic.name for topic in (topics.DIAGNOSTICS, topics.LOGS, topics.PARAMETER_EVENTS)}

@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import Reader
 
-from bags import START_NS, STRING, Row, messages_in, text_message, write_bag
+from bags import START_NS, STRING, Row, messages_in, stored, text_message, write_bag
 from skydiver_utc.cli.main import main
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.reader import read_bag
@@ -68,17 +68,12 @@ def chunks(path: Path) -> list[Place]:
     return places
 
 
-def stored(folder: Path) -> list[Row]:
-    """The messages in a bag folder, read by two independent libraries."""
+def recovered(folder: Path) -> list[Row]:
+    """The messages in a bag folder, which two independent libraries read alike."""
     with Reader(folder) as reader:
         by_rosbags = [(c.topic, log_time, bytes(data)) for c, log_time, data in reader.messages()]
         assert reader.message_count == len(by_rosbags)
-    (file,) = folder.glob("*.mcap")
-    with file.open("rb") as stream:
-        found = [
-            Row(channel.topic, message.log_time, message.publish_time, message.data)
-            for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages()
-        ]
+    found = stored(folder)
     assert by_rosbags == [(topic, log_time, data) for topic, log_time, _, data in found]
     return found
 
@@ -139,7 +134,7 @@ def test_a_recovered_bag_is_read_by_others(tmp_path: Path, compression: Compress
         data = cut(file, at, run / "run_0.mcap").read_bytes()
         found = recover(run, tmp_path / f"recovered_{at}")
         expected = max(each.count for each in chunks(file) if each.end <= at)
-        assert stored(tmp_path / f"recovered_{at}") == rows()[:expected]
+        assert recovered(tmp_path / f"recovered_{at}") == rows()[:expected]
         assert found.message_count == expected
         assert survey(tmp_path / f"recovered_{at}").whole
         assert {path.name: path.read_bytes() for path in run.iterdir()} == {"run_0.mcap": data}
@@ -173,7 +168,7 @@ def test_a_damaged_byte_anywhere_costs_at_most_a_chunk(whole: Path, tmp_path: Pa
             continue
         if found.message_count:
             recover(path, tmp_path / str(position))
-            back = [sent[row.cdr] for row in stored(tmp_path / str(position))]
+            back = [sent[row.cdr] for row in recovered(tmp_path / str(position))]
             assert back == sorted(set(back))
             assert len(back) == found.message_count
             before = 0
@@ -209,7 +204,7 @@ def test_a_damaged_chunk_is_left_out_and_its_times_are_reported(
         rows()[chunk.count].log_time,
     )
     recover(path, tmp_path / "recovered")
-    assert stored(tmp_path / "recovered") == rows()[:before] + rows()[chunk.count :]
+    assert recovered(tmp_path / "recovered") == rows()[:before] + rows()[chunk.count :]
 
 
 @pytest.mark.parametrize("opcode", [0x80, 0xFF])
@@ -237,7 +232,7 @@ def test_a_damaged_index_is_replaced_by_the_chunks(whole: Path, tmp_path: Path, 
     path = damaged(whole, whole.read_bytes().rindex(what) + 2, 0x01, tmp_path / "run_0.mcap")
     assert not survey(path).whole
     recover(path, tmp_path / "recovered")
-    assert stored(tmp_path / "recovered") == rows()
+    assert recovered(tmp_path / "recovered") == rows()
     assert read_bag(tmp_path / "recovered")["/two"].type_hash == STRING[2]
 
 
@@ -294,7 +289,7 @@ def test_metadata_that_cannot_be_used_are_replaced(tmp_path: Path, text: str) ->
     (folder / "metadata.yaml").write_text(text)
     assert not survey(folder).whole
     recover(folder, tmp_path / "again")
-    assert stored(tmp_path / "again") == rows()
+    assert recovered(tmp_path / "again") == rows()
 
 
 def test_the_loss_is_reported_of_a_folder_or_file(whole: Path, tmp_path: Path) -> None:

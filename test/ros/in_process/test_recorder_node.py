@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recorded import stored
 from recorder_stage import NEEDED, Stage
 from ros_fixtures import Ros, overrides
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from bags import metadata_of
+from bags import metadata_of, stored
 from skydiver_utc.messages import outcome_text
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.recorder_node import RecorderNode
@@ -66,7 +65,7 @@ def test_messages_without_a_stamp_get_the_newest_time_of_clock_and_state(stage: 
     stage.send(topics.COMMAND, stage.stamped(topics.COMMAND, 20))
     stage.send(topics.CHANGES, String(data="{}"))
     stage.state(9)
-    stage.outcome(10)
+    stage.outcome(10, outcome="aborted")
     stage.ros.spin_until(lambda: stage.node.done)
     times = {message.topic: message.log_time for message in stage.recorded()}
     assert times["/skydiver/scenario"] == stage.node.scenario.stamp_ns(7)
@@ -121,6 +120,17 @@ def test_the_outcome_of_its_run_ends_the_recording(stage: Stage) -> None:
     stage.ros.spin_until(lambda: stage.node.finished)
 
 
+def test_a_clock_that_is_set_back_changes_nothing(
+    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_ns = time.time_ns
+    monkeypatch.setattr(time, "time_ns", lambda: now_ns() + 3600 * 10**9)
+    stage = Stage(ros, tmp_path / "bag").all_there()
+    stage.state(0)
+    stage.outcome(1)
+    stage.ros.spin_until(lambda: stage.node.finished)
+
+
 def test_lost_messages_of_an_aborted_run_are_not_waited_for(stage: Stage) -> None:
     stage.all_there()
     stage.state(0)
@@ -138,7 +148,7 @@ def test_a_recording_holds_what_nodes_log(stage: Stage) -> None:
     stage.state(0)
     stage.ros.spin_until(lambda: stage.others.count_subscribers("/rosout"))
     stage.others.get_logger().info("a sentence")
-    stage.outcome(1)
+    stage.outcome(1, outcome="aborted")
     stage.ros.spin_until(lambda: stage.node.finished)
     stage.node.close()
     logs = [message.cdr for message in stored(stage.folder) if message.topic == "/rosout"]

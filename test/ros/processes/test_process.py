@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How a node process treats signals, in this process."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -50,3 +51,13 @@ def test_the_help_of_every_node_needs_neither_rclpy_nor_numba() -> None:
     found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert found.stderr == "set()\n"
     assert found.stdout.count("usage: ") == 5
+
+
+def test_a_help_text_whose_reader_has_gone_is_no_error() -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    code = "from skydiver_utc.nodes.process import plant_node; raise SystemExit(plant_node())"
+    command = [sys.executable, "-c", code, "--help"]
+    ended = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert (ended.returncode, ended.stderr) == (0, "")
