@@ -21,14 +21,13 @@ from skydiver_utc.loop.decisions import Decider
 from skydiver_utc.loop.plant_steps import PlantSteps
 from skydiver_utc.parameters import ParameterError, Scenario, override
 from skydiver_utc.view.gusts import Gusts
-from skydiver_utc.view.live_signals import Instant, Signals
+from skydiver_utc.view.live_signals import Instant, Signals, deviations
 from skydiver_utc.view.look_ahead import look_ahead
 
 Array = NDArray[np.float64]
 _LONGEST_S = 36000.0
 # Of the charts: how far they look back, and how densely.
 _SHOWN_S, _ROWS_PER_S = 10.0, 50.0
-_BLOCK_STEPS = 256
 # Settings that a UTC takes between steps, without forgetting what it has learnt of Pu.
 _BETWEEN_STEPS = {"P_err", "Qu"}
 
@@ -54,12 +53,10 @@ class LiveFlight:
         self._reference = build_reference(self.scenario)
         self.name, self.tracked = self.scenario.name, self._reference.outputs
         self._rows: deque[Array] = deque(maxlen=round(_SHOWN_S * _ROWS_PER_S))
-        self._block = 0, np.empty((0, len(self.tracked)))  # first step and values of a part of the reference
         self._model = model_beside(self.plant, self.scenario)
         estimator = build_estimator(self.scenario, self._model)
         controller = build_compiled_controller(self.scenario, self._model, self._reference)
-        deviates = any(name.startswith("std_") for name in controller.telemetry_names)
-        self.signals = Signals(self.plant, self.tracked, deviates)
+        self.signals = Signals(self.plant, self.tracked, controller.telemetry_names)
         self._decider = Decider(controller, estimator, self._model, self._steps.disturbance)
         self.reset()
 
@@ -97,7 +94,6 @@ class LiveFlight:
                 controller.resume(self._steps.control)
                 self._decider.controller = controller
         self.scenario, self._reference = scenario, reference
-        self._block = 0, np.empty((0, len(self.tracked)))
 
     def pause(self, paused: bool) -> None:
         """It stands still with its page."""
@@ -117,9 +113,9 @@ class LiveFlight:
             time_s=k * self.scenario.dt_s,
             state=self._steps.state.copy(),
             applied=self._steps.applied.copy(),
-            reference=self._preview(k, 1)[0],
+            reference=self._reference.preview(k, 1)[0],
             wind=self._steps.disturbance.wind(k),
-            deviations=self._deviations.copy(),
+            deviations=self._deviations,
             solve_time_s=self._solve_time_s,
         )
 
@@ -134,25 +130,14 @@ class LiveFlight:
 
     def _step(self) -> None:
         controller, k = self._decider.controller, self._steps.k
-        preview = self._preview(k, controller.preview_steps + 1)
-        decision = self._decider.decide(k, self._steps.measured, preview)
+        preview = self._reference.preview(k, controller.preview_steps + 1)
+        decision = self._decider.decide(k, self._steps.measured, np.ascontiguousarray(preview, dtype=float))
         if not self._steps.step(decision.control):
             self.ended = self._steps.reason
         self._decider.predict()
         self._solve_time_s = self._decider.solve_time_s
-        self._deviations[:] = np.nan
-        names = controller.telemetry_names
-        for c, name in enumerate(self.plant.control_names):
-            if f"std_{name}" in names:
-                self._deviations[c] = decision.telemetry[names.index(f"std_{name}")]
-
-    def _preview(self, k: int, count: int) -> Array:
-        """The reference (count, l) from step k on; steps are computed in blocks, as of most only one is new."""
-        first, block = self._block
-        if not first <= k <= first + len(block) - count:
-            first, block = k, self._reference.preview(k, count + _BLOCK_STEPS)
-            self._block = first, np.ascontiguousarray(block, dtype=float)
-        return self._block[1][k - self._block[0] :][:count]
+        telemetry = zip(controller.telemetry_names, decision.telemetry, strict=False)
+        self._deviations = deviations(self.plant, dict(telemetry))
 
 
 def _set_between_steps(controller: Controller, before: Any, after: Any) -> bool:

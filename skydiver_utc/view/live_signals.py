@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The signals of a flight as a page charts them: one row of numbers for each instant, and which chart shows which."""
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -42,14 +43,20 @@ class Instant(NamedTuple):
     solve_time_s: float
 
 
+def deviations(plant: Plant, telemetry: Mapping[str, float]) -> Array:
+    """Standard deviations (m,) of the controls among telemetry, by name; NaN without."""
+    return np.array([telemetry.get(f"std_{name}", np.nan) for name in plant.control_names])
+
+
 class Signals:
     """Rows (columns,) of time, outputs, reference, controls, their deviations, and solve time, as people read them.
 
-    Controls with limits are in per cent of their range; deviates: the controller has deviations to be charted.
+    Controls with limits are in per cent of their range; telemetry: its names, with deviations to be charted or without.
     """
 
-    def __init__(self, plant: Plant, tracked: tuple[str, ...], deviates: bool) -> None:
-        self._plant, self._tracked, self._deviates = plant, tracked, deviates
+    def __init__(self, plant: Plant, tracked: tuple[str, ...], telemetry: Sequence[str]) -> None:
+        self._plant, self._tracked = plant, tracked
+        self._deviates = any(f"std_{name}" in telemetry for name in plant.control_names)
         L, l, m = len(plant.output_names), len(tracked), len(plant.control_names)
         self._at = np.cumsum([1, L, l, m, m, 1])
         self._outputs = np.array([shown(plant, name).factor for name in plant.output_names])

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import ParameterError
-from skydiver_utc.view.live_signals import Instant, Signals
+from skydiver_utc.view.live_signals import Instant, Signals, deviations
 
 Array = NDArray[np.float64]
 _MOST_ROWS = 1500
@@ -27,12 +27,7 @@ class RecordedFlight:
         self._run, self._time_s = run, self.begins_s
         columns = [i for i, name in enumerate(run.disturbance_names) if name.startswith("wind_")]
         self._wind = np.nan_to_num(run.disturbance[:, columns]) if columns else np.zeros((len(run.states), 3))
-        self._deviations = [
-            run.telemetry_names.index(f"std_{name}") if f"std_{name}" in run.telemetry_names else None
-            for name in run.plant.control_names
-        ]
-        deviates = any(column is not None for column in self._deviations)
-        self.signals = Signals(run.plant, run.tracked_names, deviates)
+        self.signals = Signals(run.plant, run.tracked_names, run.telemetry_names)
         every = max(1, len(run.commands) // _MOST_ROWS)
         self._rows = np.array([self.signals.row(self._at(i)) for i in present[::every]])
 
@@ -74,6 +69,8 @@ class RecordedFlight:
             applied=applied,
             reference=run.reference[i],
             wind=self._wind[i],
-            deviations=np.array([np.nan if j is None else run.telemetry[step, j] for j in self._deviations]),
+            deviations=deviations(
+                run.plant, dict(zip(run.telemetry_names, run.telemetry[step], strict=True))
+            ),
             solve_time_s=float(run.solve_time_s[step]),
         )

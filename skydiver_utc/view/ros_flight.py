@@ -21,7 +21,7 @@ from skydiver_utc.loop.tuned_scenario import TunedScenario
 from skydiver_utc.nodes.observed_run import ObservedRun
 from skydiver_utc.parameters import leaves, override
 from skydiver_utc.view.gusts import Gusts
-from skydiver_utc.view.live_signals import Instant, Signals
+from skydiver_utc.view.live_signals import Instant, Signals, deviations
 from skydiver_utc.view.look_ahead import look_ahead
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ class RosFlight:
     def __init__(self, node: ObservedRun) -> None:
         self._node = node
         self.name, self.plant, self.tracked = node.namespace, node.plant, node.tracked
-        self.signals, self.ended = Signals(node.plant, node.tracked, deviates=True), ""
+        self.ended = ""
         self.gusts, self._gust, self._paused = Gusts(node.plant), STILL_AIR, False
         self._disturbance = build_disturbances(node.scenario, node.plant)
         self._rows: deque[Array] = deque(maxlen=_MOST_ROWS)
@@ -47,6 +47,7 @@ class RosFlight:
         self.scenario = override(node.scenario, in_force)
         self._model, self._reference = model_beside(node.plant, node.scenario), build_reference(node.scenario)
         self._controller = build_compiled_controller(self.scenario, self._model, self._reference)
+        self.signals = Signals(node.plant, node.tracked, self._controller.telemetry_names)
 
     def advance(self, seconds: float) -> None:
         """Keep the signals of this instant, and send what a gust has changed since the last one."""
@@ -102,7 +103,7 @@ class RosFlight:
             applied=node.applied,
             reference=node.reference,
             wind=self._disturbance.wind(node.k) + self._gust,
-            deviations=np.array([telemetry.get(f"std_{name}", np.nan) for name in self.plant.control_names]),
+            deviations=deviations(self.plant, telemetry),
             solve_time_s=telemetry.get("solve_time", np.nan),
         )
 
