@@ -2,13 +2,11 @@
 """Pictures of many flights: sweeps of one parameter, and random tunings."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from itertools import cycle
+from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.legend_handler import HandlerTuple
-from matplotlib.patches import Patch
 
 from skydiver_utc.analysis.style import (
     BLUE,
@@ -22,8 +20,6 @@ from skydiver_utc.analysis.style import (
     house_style,
 )
 
-_COLOURS = (BLUE, ORANGE)
-_LINES: tuple[Any, ...] = ("-", (0, (4, 1.5)))
 _CASES = (
     *((BLUE, "o"), (PURPLE, "s"), (GREY, "^"), (GREEN, "v"), (VERMILLION, "D"), (ORANGE, "x"), (INK, "+")),
     *((BLUE, "x"), (PURPLE, "+")),
@@ -31,70 +27,23 @@ _CASES = (
 _PANELS_IN_ROW = 3
 
 
-class Cloud(NamedTuple):
-    """Random tunings: their colour and line, RMSE [deg/s] (inf without one), each factor's rank correlation."""
-
-    label: str
-    colour: int
-    line: int
-    rmse: Sequence[float]
-    rank_correlation: Mapping[str, float]
-
-
-def tuning_figure(clouds: Sequence[Cloud], bar_deg_s: float) -> Figure:
-    """Share of tunings below an RMSE, and the factors that move the RMSE."""
+def tuning_figure(rmse: Mapping[str, Sequence[float]], bar_deg_s: float) -> Figure:
+    """Share of random tunings, by label, below an RMSE [deg/s] (inf of a run without one); bar: of a success."""
     with house_style():
-        figure = empty_figure(10.0, 5.4)
-        shares, bars = figure.subplots(1, 2, gridspec_kw={"width_ratios": [1.15, 1.0]})
-        handles: list[Any] = []  # a tuple of artists is one entry
-        for cloud in clouds:
-            sizes = np.sort(np.array(cloud.rmse))
-            share = np.arange(1, len(sizes) + 1) / len(sizes)
-            (line,) = shares.step(
-                sizes, 100.0 * share, where="post", color=_COLOURS[cloud.colour % 2],
-                linestyle=_LINES[cloud.line % 2], linewidth=1.6,
-            )  # fmt: skip
-            handles.append((line, Patch(color=_COLOURS[cloud.colour % 2], alpha=_strength(cloud))))
-        shares.axvline(bar_deg_s, color=GREY, linewidth=1.0, linestyle=(0, (4, 2)))
-        shares.annotate(
-            "5 % of the amplitude", (bar_deg_s, 3.0), xytext=(5, 0), textcoords="offset points", color=GREY,
-            fontsize=8.5,
-        )  # fmt: skip
-        shares.set_xscale("log")
-        shares.set_ylim(0.0, 103.0)
-        shares.set_xlabel("RMSE from 2 s on [deg/s]")
-        shares.set_ylabel("random tunings with at most this RMSE [%]")
-        _draw_correlations(bars, clouds)
-        figure.legend(
-            handles, [cloud.label for cloud in clouds], loc="upper left", ncols=2, handlelength=4.0,
-            handler_map={tuple: HandlerTuple(ndivide=None)},
-        )  # fmt: skip
-        figure.subplots_adjust(left=0.07, right=0.985, bottom=0.1, top=0.87, wspace=0.5)
+        figure = empty_figure(7.5, 4.5)
+        axes = figure.subplots()
+        for (label, sizes), (colour, _) in zip(rmse.items(), cycle(_CASES), strict=False):
+            share = 100.0 * np.arange(1, len(sizes) + 1) / len(sizes)
+            axes.step(np.sort(sizes), share, where="post", color=colour, linewidth=1.6, label=label)
+        axes.axvline(bar_deg_s, color=GREY, linewidth=1.0, linestyle=(0, (4, 2)))
+        axes.text(bar_deg_s, 3.0, " 5 % of the amplitude", color=GREY, fontsize=8.5)
+        axes.set_xscale("log")
+        axes.set_ylim(0.0, 103.0)
+        axes.set_xlabel("RMSE from 2 s on [deg/s]")
+        axes.set_ylabel("random tunings with at most this RMSE [%]")
+        figure.legend(loc="upper left", ncols=2)
+        figure.subplots_adjust(left=0.1, right=0.975, bottom=0.12, top=0.86)
     return figure
-
-
-def _strength(cloud: Cloud) -> float:
-    """Opacity of a cloud's bars: light where its line is dashed."""
-    return 0.5 if cloud.line % 2 else 1.0
-
-
-def _draw_correlations(axes: Axes, clouds: Sequence[Cloud]) -> None:
-    names = list(clouds[0].rank_correlation)
-    places = np.arange(len(names))
-    height = 0.8 / len(clouds)
-    for i, cloud in enumerate(clouds):
-        values = [cloud.rank_correlation[name] for name in names]
-        axes.barh(
-            places + (i + 0.5) * height - 0.4, values, height=height, color=_COLOURS[cloud.colour % 2],
-            alpha=_strength(cloud),
-        )  # fmt: skip
-    axes.axvline(0.0, color=GREY, linewidth=0.8)
-    axes.set_yticks(places, names)
-    axes.invert_yaxis()
-    axes.set_xlim(-1.0, 1.0)
-    axes.set_xticks((-1.0, -0.5, 0.0, 0.5, 1.0))
-    axes.set_xlabel("rank correlation of the factor with the RMSE")
-    axes.grid(visible=False, axis="y")
 
 
 class ErrorMap(NamedTuple):

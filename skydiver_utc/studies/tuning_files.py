@@ -8,7 +8,7 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from skydiver_utc.analysis.metrics import CONVERGED_SHARE
-from skydiver_utc.analysis.study_figures import Cloud, tuning_figure
+from skydiver_utc.analysis.study_figures import tuning_figure
 from skydiver_utc.analysis.style import png
 from skydiver_utc.parameters.files import write_file
 from skydiver_utc.studies.cases import amplitude_deg_s
@@ -23,18 +23,12 @@ def write_study(folder: Path, tunings: Sequence[Tunings], summaries: Sequence[Tu
     for one in tunings:
         write_file(folder / table_file(one.scenario.name, one.reach), to_csv(one))
     write_file(folder / _SUMMARY, summaries_to_json(summaries))
-    clouds = [
-        Cloud(
-            summary.label,
-            k % 2,
-            k // 2,
-            [tuning.measures.rmse for tuning in one.random],
-            summary.influence,
-        )
-        for k, (one, summary) in enumerate(zip(tunings, summaries, strict=True))
-    ]
+    rmse = {
+        summary.label: [tuning.measures.rmse for tuning in one.random]
+        for one, summary in zip(tunings, summaries, strict=True)
+    }
     amplitude = max(amplitude_deg_s(one.scenario) for one in tunings)
-    write_file(folder / "tuning.png", png(tuning_figure(clouds, CONVERGED_SHARE * amplitude)))
+    write_file(folder / "tuning.png", png(tuning_figure(rmse, CONVERGED_SHARE * amplitude)))
 
 
 def table_file(scenario: str, reach: float) -> str:

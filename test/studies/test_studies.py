@@ -426,7 +426,7 @@ class TestCommands:
         found = json.loads(made)
         assert [(one["count"], one["completed"], one["reach"]) for one in found] == [(3, 3, 2.0)]
         assert json.loads((tmp_path / "new" / "tuning.json").read_text(encoding="utf-8")) == found
-        assert imread(tmp_path / "new" / "tuning.png").shape[1] == 1500
+        assert imread(tmp_path / "new" / "tuning.png").shape[1] == 1125
         table = list(csv.DictReader((tmp_path / "new" / table_file(name, 2.0)).open(encoding="utf-8")))
         factors = [[float(row[factor]) for factor in FACTORS] for row in table]
         np.testing.assert_array_equal(factors, draw(3, seed, 2.0))
