@@ -16,9 +16,10 @@ MARKED = re.compile(r"(<!-- study (\w+) -->\n).*?(\n<!-- end -->)", re.DOTALL)
 
 
 def tables(report: str) -> str:
-    """The report without title, description and figure, its headings one level lower."""
-    kept = report.split("\n\n")[2:]
-    return "\n\n".join(part.replace("## ", "### ") for part in kept if not part.startswith("![")).strip()
+    """The report's first line and its tables."""
+    return "\n\n".join(
+        part for part in report.split("\n\n")[2:] if part[0].isdigit() or part[0] == "|"
+    ).strip()
 
 
 @click.command(help=__doc__)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of docs/tuning.md: each rule of tuning on a plant of a few lines, measured and by its formula.
+"""Each rule of docs/tuning.md on a plant of a few lines, measured and by its formula.
 
 ``python benchmarks/tuning_rules.py``
 """
