@@ -99,63 +99,54 @@ def check(recording: RecordedRun, instead: Callable[[Scenario], Scenario] = lamb
     return Check(run, commands, added, recording.in_real_time, revised, different, hole_at_step)
 
 
+def _begins(run: Run, node: str) -> dict[int, ParameterChange | None]:
+    """Rows at which a node began: at the start of a run (None), and at each restart or change of parameters."""
+    found: dict[int, ParameterChange | None] = {0: None} if run.first_step == 0 else {}
+    rows = ((change.step - run.first_step, change) for change in run.changes if change.node == node)
+    return found | {row: change for row, change in rows if 0 <= row < len(run.commands)}
+
+
+def _scenario_of(run: Run, change: ParameterChange | None) -> Scenario:
+    return run.scenario if change is None else override(run.scenario, change.of_scenario)
+
+
+def _with_known_memory(run: Run) -> Run:
+    begins = _begins(run, _CONTROLLER)
+    if not begins:
+        raise AnalysisError(
+            f"the recording begins at step {run.first_step}, where the controller's memory is not known: give a"
+            " recording from step 0 on, or one with a restart of the controller"
+        )
+    return run.since(run.first_step + min(begins)) if run.first_step else run
+
+
 def _different_estimates(recording: RecordedRun, run: Run, instead: Callable[[Scenario], Scenario]) -> int:
     """Steps with another estimate than the recorded one; from its start on, or else its first restart."""
-    begins = {0: run.scenario} if run.first_step == 0 else {}
-    for change in _restarts(run, _ESTIMATOR):
-        begins[change.step - run.first_step] = override(run.scenario, change.of_scenario)
+    begins = _begins(run, _ESTIMATOR)
     if not (run.scenario.has_estimator and begins):
         return 0
-
-    def estimation(scenario: Scenario) -> Estimation:
+    first, estimations = min(begins), {}
+    for row, change in begins.items():
+        scenario = instead(_scenario_of(run, change))
         plant, disturbance = _model(recording, scenario), build_disturbances(scenario, recording.plant)
-        return Estimation(build_estimator(scenario, plant), plant, disturbance)
-
-    first = min(begins)
-    estimations = {row - first: estimation(instead(scenario)) for row, scenario in begins.items()}
+        estimations[row - first] = Estimation(build_estimator(scenario, plant), plant, disturbance)
     measured, commands = recording.measured(run)[first:], run.commands[first:]
     computed = estimate_at(estimations, run.first_step + first, measured, commands)
     return int(_differing(recording.estimates(run)[first:], computed).any(axis=1).sum())
 
 
-def _with_known_memory(run: Run) -> Run:
-    if run.first_step == 0:
-        return run
-    restarts = _restarts(run, _CONTROLLER)
-    if not restarts:
-        raise AnalysisError(
-            f"the recording begins at step {run.first_step}, where the controller's memory is not known: give a"
-            " recording from step 0 on, or one with a restart of the controller"
-        )
-    return run.since(restarts[0].step)
-
-
-def _restarts(run: Run, node: str) -> list[ParameterChange]:
-    """Restarts and changes of parameters of a node, in the order of the steps."""
-    end = run.first_step + len(run.commands)
-    return [c for c in run.changes if c.node == node and run.first_step <= c.step < end]
-
-
 def _stretches(recording: RecordedRun, run: Run, instead: Callable[[Scenario], Scenario]) -> list[Stretch]:
     """The controllers of the run, from the first row of each on."""
-
-    def stretch(row: int, given: Scenario, delay_steps: int, control: Floats | None) -> Stretch:
+    found = []
+    for row, change in _begins(run, _CONTROLLER).items():
+        given = _scenario_of(run, change)
         scenario = instead(given)
-        plant = _model(recording, scenario)
+        plant, delay_steps = _model(recording, scenario), change.delay_steps if change else 0
         controller = build_controller(scenario, plant, recording.reference, delay_steps)
-        measures = not run.scenario.has_estimator
-        disturbance = build_disturbances(given, recording.plant) if measures else None
-        decider = Decider(controller, TrueState(), plant, disturbance)
-        return Stretch(row, decider, control)
-
-    begins = {}
-    if run.first_step == 0:
-        begins[0] = stretch(0, run.scenario, 0, None)
-    for change in _restarts(run, _CONTROLLER):
-        row = change.step - run.first_step
-        control = None if change.control is None else np.array(change.control)
-        begins[row] = stretch(row, override(run.scenario, change.of_scenario), change.delay_steps, control)
-    return list(begins.values())
+        disturbance = None if run.scenario.has_estimator else build_disturbances(given, recording.plant)
+        control = None if change is None or change.control is None else np.array(change.control)
+        found.append(Stretch(row, Decider(controller, TrueState(), plant, disturbance), control))
+    return found
 
 
 def _model(recording: RecordedRun, scenario: Scenario) -> Plant:

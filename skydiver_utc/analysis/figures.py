@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from skydiver_utc.analysis.labels import facts, missing
 from skydiver_utc.analysis.metrics import CONVERGED_SHARE, metrics
 from skydiver_utc.analysis.numbers import SETTLING_S, row_from
-from skydiver_utc.analysis.skydiver import angle_turned_deg, is_skydiver
+from skydiver_utc.analysis.skydiver import angle_turned_deg
 from skydiver_utc.analysis.style import (
     BLUE,
     GREEN,
@@ -30,6 +30,7 @@ from skydiver_utc.analysis.style import (
 from skydiver_utc.analysis.units import disturbance_words, shown, shown_disturbance
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
+from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 from skydiver_utc.references.profiles import Rotation
 from skydiver_utc.references.tables import Points
 
@@ -89,7 +90,7 @@ def _panels(run: Run) -> list[Panel]:
         if np.nan_to_num(run.disturbance[:, run.disturbance_names.index(name)]).any():
             by_unit.setdefault(_disturbance_label(run, name), []).append(name)
     found += [(1.2, partial(_draw_disturbance, run=run, names=names)) for names in by_unit.values()]
-    if is_skydiver(run.plant) and isinstance(run.scenario.reference, Rotation | Points):
+    if isinstance(run.plant, SkydiverPlant) and isinstance(run.scenario.reference, Rotation | Points):
         found.append((1.6, partial(_draw_angle, run=run)))
     return found
 
@@ -136,10 +137,8 @@ def _draw_tracked(axes: "Axes", run: Run, j: int) -> None:
 def _draw_error(axes: "Axes", run: Run, j: int) -> None:
     assert run.error is not None
     scale = shown(run.plant, run.tracked_names[j])
-    error, band = (
-        _drawn(scale.factor * run.error[:, j]),
-        scale.factor * CONVERGED_SHARE * float(run.amplitude[j]),
-    )
+    error = _drawn(scale.factor * run.error[:, j])
+    band = scale.factor * CONVERGED_SHARE * float(run.amplitude[j])
     start = row_from(SETTLING_S, run)
     settled = error[start:] if start < len(error) else error
     most = min(max(1.15 * _largest(settled), 1.4 * band, 1e-9), reach(run, j))
@@ -191,17 +190,9 @@ def _draw_disturbance(axes: "Axes", run: Run, names: list[str]) -> None:
 def _draw_control(axes: "Axes", run: Run, j: int) -> None:
     name, colour = run.plant.control_names[j], CONTROL_COLOURS[j % len(CONTROL_COLOURS)]
     lower, upper = float(run.plant.minimum[j]), float(run.plant.maximum[j])
-    axes.step(
-        run.time_s[:-1],
-        _drawn(run.commands[:, j]),
-        where="post",
-        color="#999999",
-        linewidth=0.8,
-        label="command",
-    )
-    axes.step(
-        run.time_s[:-1], _drawn(run.applied[:, j]), where="post", color=colour, linewidth=1.2, label="applied"
-    )
+    time_s, commands, applied = run.time_s[:-1], _drawn(run.commands[:, j]), _drawn(run.applied[:, j])
+    axes.step(time_s, commands, where="post", color="#999999", linewidth=0.8, label="command")
+    axes.step(time_s, applied, where="post", color=colour, linewidth=1.2, label="applied")
     if np.isfinite(upper - lower):
         margin = 0.13 * (upper - lower)
         for inner, outer in ((lower, lower - margin), (upper, upper + margin)):

@@ -50,26 +50,18 @@ class RecordedSteps:
         self.grid = StepGrid(scenario.stamp_ns(0), scenario.dt_ns)
         self._steps, self._topics, self._namespace = scenario.steps, topics, namespace
 
-    def messages(self, name: str) -> list[Any | None]:
-        """The messages of a topic, in the order of the file; None for bytes that cannot be decoded."""
-        return topic.readable if (topic := self._topic(name)) else []
-
     def read(self, name: str, read: Callable[[Any], Any]) -> list[Any]:
-        """`read` of each message of a topic; without those that it cannot read."""
-        found, messages = [], self.messages(name)
+        """`read` of each message of a topic, in the order of the file; without those that it cannot read."""
+        topic = self._topics.get(f"{self._namespace}/{name}")
+        found, messages = [], topic.readable if topic else []
         for message in messages:
             try:
-                if message is not None:
+                if message is not None:  # bytes that cannot be decoded
                     found.append(read(message))
             except (ValueError, AttributeError, TypeError):  # a `MessageError`, or a type with other fields
                 continue
-        self.ignored[name] = (
-            len(messages) - len(found) + (topic.left_out if (topic := self._topic(name)) else 0)
-        )
+        self.ignored[name] = len(messages) - len(found) + (topic.left_out if topic else 0)
         return found
-
-    def _topic(self, name: str) -> RecordedTopic | None:
-        return self._topics.get(f"{self._namespace}/{name}")
 
     def step_of(self, message: Any) -> int:
         """The step of a message's stamp; `MessageError` off the grid and outside of the run."""

@@ -17,7 +17,6 @@ from skydiver_utc.analysis.numbers import (
     time_of,
 )
 from skydiver_utc.loop.run import Run
-from skydiver_utc.plants.protocol import Plant
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 from skydiver_utc.references.profiles import Rotation
 from skydiver_utc.rotations import dorsal_axis_height, world_up
@@ -25,11 +24,6 @@ from skydiver_utc.rotations import dorsal_axis_height, world_up
 Floats = NDArray[np.float64]
 # Height of the dorsal axis from which on a body faces the earth with one side: 45 deg from the vertical.
 _FACING = math.sqrt(0.5)
-
-
-def is_skydiver(plant: Plant) -> bool:
-    """Whether these metrics are defined."""
-    return isinstance(plant, SkydiverPlant)
 
 
 def skydiver_metrics(run: Run) -> dict[str, Any]:
@@ -48,7 +42,7 @@ def skydiver_metrics(run: Run) -> dict[str, Any]:
     min_dorsal_axis
         lowest height of the dorsal axis: 1 belly to earth, 0 on the side, -1 on the back.
     """
-    if not is_skydiver(run.plant):
+    if not isinstance(run.plant, SkydiverPlant):
         return {}
     facing, since_s = _facing(run)
     height = dorsal_axis_height(run.states)

@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 
 from skydiver_utc.disturbances.protocol import STILL_AIR, Disturbance
 from skydiver_utc.disturbances.wind import Gust
-from skydiver_utc.parameters import ParameterError
 from skydiver_utc.parameters.registry import factory
 from skydiver_utc.plants.protocol import Plant
 
@@ -30,8 +29,7 @@ class Gusts(Disturbance):
 
     def blow(self, k: int) -> None:
         """Let a gust begin at step k."""
-        if self.settings is None:
-            raise ParameterError("wind has no effect on this plant: push it instead")
+        assert self.settings is not None
         dt_s = self._plant.dt_s
         gust = factory("disturbance", "gust")(
             self.settings.replace(start_s=k * dt_s), self._plant, dt_s, (0, 0)

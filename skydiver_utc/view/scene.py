@@ -90,15 +90,11 @@ def _sphere() -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
     rows = _POINTS // 2 + 1
     latitude = np.linspace(0.0, np.pi, rows)[:, np.newaxis]
     longitude = np.linspace(0.0, 2.0 * np.pi, _POINTS, endpoint=False)
-    axes = (
-        np.sin(latitude) * np.cos(longitude),
-        np.sin(latitude) * np.sin(longitude),
-        np.cos(latitude) + 0 * longitude,
-    )
+    across = np.sin(latitude)
+    axes = across * np.cos(longitude), across * np.sin(longitude), np.cos(latitude) + 0 * longitude
+    vertices = np.stack(axes, axis=-1).reshape(-1, 3).astype(np.float32)
     here = np.arange((rows - 1) * _POINTS).reshape(-1, _POINTS)
     beside = np.roll(here, -1, axis=1)
-    below, across = here + _POINTS, beside + _POINTS
-    faces = [np.stack(corners, axis=-1) for corners in ((here, below, across), (here, across, beside))]
-    return np.stack(axes, axis=-1).reshape(-1, 3).astype(np.float32), np.reshape(faces, (-1, 3)).astype(
-        np.uint32
-    )
+    below, opposite = here + _POINTS, beside + _POINTS
+    faces = [np.stack(corners, axis=-1) for corners in ((here, below, opposite), (here, opposite, beside))]
+    return vertices, np.reshape(faces, (-1, 3)).astype(np.uint32)

@@ -51,14 +51,12 @@ def _tracked(run: Run) -> Iterator[Signal]:
         scale = shown(run.plant, name)
         if run.error is None:  # the reference is of a control
             continue
-        chart, error = scale.name, scale.factor * run.error[:, j]
-        yield Signal(
-            "Tracking", chart, scale.unit, "reference", scale.factor * run.reference[:, j], "reference"
-        )
-        yield Signal("Tracking", chart, scale.unit, scale.name, scale.factor * run.output(name))
         band = scale.factor * CONVERGED_SHARE * float(run.amplitude[j])
         limits = (-band, band) if band > 0.0 else None
-        yield Signal("Tracking", f"{chart}: error", scale.unit, "error", error, limits=limits)
+        wanted, error = scale.factor * run.reference[:, j], scale.factor * run.error[:, j]
+        yield Signal("Tracking", scale.name, scale.unit, "reference", wanted, "reference")
+        yield Signal("Tracking", scale.name, scale.unit, scale.name, scale.factor * run.output(name))
+        yield Signal("Tracking", f"{scale.name}: error", scale.unit, "error", error, limits=limits)
 
 
 def _controls(run: Run) -> Iterator[Signal]:
@@ -111,16 +109,8 @@ def _states(run: Run) -> Iterator[Signal]:
 def _disturbances(run: Run) -> Iterator[Signal]:
     """Wind, measured less true state, and pushes, by unit."""
     for name, values in zip(run.disturbance_names, run.disturbance.T, strict=True):
-        scale = shown_disturbance(run.plant, name)
-        yield Signal(
-            "Disturbances",
-            disturbance_words(name),
-            scale.unit,
-            scale.name,
-            scale.factor * values,
-            "value",
-            True,
-        )
+        scale, chart = shown_disturbance(run.plant, name), disturbance_words(name)
+        yield Signal("Disturbances", chart, scale.unit, scale.name, scale.factor * values, held=True)
 
 
 def _calls(run: Run) -> Iterator[Signal]:
@@ -147,15 +137,10 @@ def _estimates(run: Run) -> Iterator[Signal]:
         if _ESTIMATE + state not in telemetry or _ESTIMATED + state not in telemetry:
             continue
         scale = shown(run.plant, state)
-        chart, error = (
-            f"{scale.name}: error of the estimate",
-            scale.factor * (actual - telemetry[_ESTIMATE + state]),
-        )
+        chart = "Estimator", f"{scale.name}: error of the estimate", scale.unit
         deviation = 2.0 * scale.factor * telemetry[_ESTIMATED + state]
-        yield Signal(
-            "Estimator", chart, scale.unit, "two deviations", np.stack([-deviation, deviation]), "band"
-        )
-        yield Signal("Estimator", chart, scale.unit, "error", error)
+        yield Signal(*chart, "two deviations", np.stack([-deviation, deviation]), "band")
+        yield Signal(*chart, "error", scale.factor * (actual - telemetry[_ESTIMATE + state]))
 
 
 def posed(run: Run) -> NDArray[np.bool_]:
@@ -179,9 +164,7 @@ def decimated(values: Floats) -> NDArray[np.int64]:
     kept = [0, count - 1]
     for rows in np.array_split(np.arange(count), _BUCKETS):
         some = rows[np.isfinite(low[rows])]
-        kept += (
-            [int(some[low[some].argmin()]), int(some[high[some].argmax()])] if len(some) else [int(rows[0])]
-        )
+        kept += [some[low[some].argmin()], some[high[some].argmax()]] if len(some) else [rows[0]]
     return np.unique(kept)
 
 

@@ -124,6 +124,21 @@ def run_of(
     return Run(**(content | fields))
 
 
+def odd_runs() -> dict[str, Run]:
+    """Runs that every page and figure must be able to show."""
+    points = {"kind": "points", "output": "alpha", "points": [[0.0, 0.0], [1.0, 0.5]]}
+    return {
+        "no step": run_of(steps=0, outcome=Outcome.NO_COMMAND),
+        "huge": run_of(np.full(81, 1e308), 1e308, solve_time_s=np.full(80, 1e308)),
+        "three steps": run_of(steps=3, outcome=Outcome.ABORTED),
+        "not a number": run_of(np.full(81, np.nan), outcome=Outcome.DIVERGED),
+        "no attitude": run_of(states=np.zeros((81, 13))),
+        "recorded from 1.5 s on": run_of(scenario=skydiver(reference=rotation())).since(30),
+        "open loop": run_of(scenario=skydiver(reference=points)),
+        "another plant": run_of(scenario=cart()),
+    }
+
+
 def random_run(scenario: Scenario | None = None, steps: int = 80, **fields: Any) -> Run:
     """A run no two numbers of which are alike; the quaternions have length 1."""
     random = np.random.default_rng(1)

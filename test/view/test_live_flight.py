@@ -102,8 +102,6 @@ def test_a_plant_without_a_wind_has_no_gust_and_other_controllers_predict_their_
     flight.advance(0.5)
     assert flight.gusts.settings is None
     assert not any("deviation" in chart.title for chart in flight.signals.charts())
-    with pytest.raises(ParameterError, match="wind"):
-        flight.blow()
     states, _ = flight.look_ahead()
     assert np.isfinite(states).all()
 
