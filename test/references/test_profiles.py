@@ -73,6 +73,12 @@ def test_lines_against_numpy(reference):
     assert build_reference(scenario(reference)).amplitude == pytest.approx(np.abs(expected).max())
 
 
+def test_a_step_that_the_clock_misses_by_rounding_is_taken():
+    """5 * 0.0042 is below 0.021."""
+    late = build_reference(override(scenario("step, amplitude: 2, start_s: 0.021"), {"dt_s": 0.0042}))
+    assert late.preview(0, 7)[:, 0].tolist() == [0, 0, 0, 0, 0, 2, 2]
+
+
 @pytest.mark.parametrize("reference", SINES)
 def test_sines_against_numpy(reference):
     np.testing.assert_allclose(values(reference), SINES[reference], atol=1e-12)

@@ -29,6 +29,10 @@ def test_unchanged_it_is_the_simulated_run_until_a_setting_moves_the_body(flight
     flight.advance(1.0)
     run = simulate(scenario)
     np.testing.assert_array_equal(flight.now().state, run.states[-1])
+    recorded = RecordedFlight(run, "recorded")
+    recorded.seek(recorded.ends_s)
+    alpha = run.telemetry[-1, run.telemetry_names.index("std_alpha")]
+    assert flight.now().deviations[3] == recorded.now().deviations[3] == alpha
 
     flight.change({"reference.amplitude_deg_s": 100.0})
     flight.advance(1.0)
