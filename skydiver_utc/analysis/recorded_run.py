@@ -16,12 +16,7 @@ from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows, stretches
 from skydiver_utc.errors import AnalysisError, OwnClassError
 from skydiver_utc.estimators.consistency import JUDGEMENT
 from skydiver_utc.estimators.protocol import Reading
-from skydiver_utc.loop.build import (
-    build_disturbances,
-    build_reference,
-    build_sensors,
-    build_true_plant,
-)
+from skydiver_utc.loop.build import build_disturbances, build_reference, build_sensors, build_true_plant
 from skydiver_utc.loop.outcome import REACHED_THE_END, Outcome
 from skydiver_utc.loop.run import ParameterChange, Run
 from skydiver_utc.messages import (

@@ -11,12 +11,7 @@ from numpy.typing import NDArray
 from skydiver_utc.controllers.protocol import Controller
 from skydiver_utc.controllers.utc.tunable import Tunable
 from skydiver_utc.disturbances.composed import Composed
-from skydiver_utc.loop.build import (
-    build_compiled_controller,
-    build_estimator,
-    build_reference,
-    model_beside,
-)
+from skydiver_utc.loop.build import build_compiled_controller, build_estimator, build_reference, model_beside
 from skydiver_utc.loop.decisions import Decider
 from skydiver_utc.loop.plant_steps import PlantSteps
 from skydiver_utc.parameters import ParameterError, Scenario, override
