@@ -183,20 +183,6 @@ def test_a_subject_may_have_a_segment_table_of_its_own(tmp_path):
     assert ours == pytest.approx(float(shank.mass), rel=2e-3)
 
 
-@pytest.mark.parametrize("subject", SUBJECTS)
-def test_a_table_of_one_s_own_tiles_the_body(subject):
-    """Mass and stature are his, the latter but for the heel."""
-    human = yeadon.Human(str(DATA / f"{subject}.txt"))
-    kinds = own_table(human).segments
-    total = sum((2 if kind in LIMBS else 1) * data.mass_fraction for kind, data in kinds.items())
-    assert total == pytest.approx(1.0, abs=0.01)
-    along = (*TRUNK, "thigh", "shank")
-    heel = (human.meas["Lj6L"] + human.meas["Lk6L"]) / 2
-    assert sum(kinds[kind].length_mm for kind in along) == pytest.approx(
-        1e3 * (stature(human) - float(heel)), abs=10
-    )
-
-
 def test_the_oracle_is_the_model_that_it_claims_to_be():
     """Figures of male3 worked out apart from this file: 80.15 kg; the box and standing, kg m2."""
     human = yeadon.Human(str(DATA / "male3.txt"))
