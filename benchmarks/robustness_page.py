@@ -18,7 +18,7 @@ MARKED = re.compile(r"(<!-- study (\w+) -->\n).*?(\n<!-- end -->)", re.DOTALL)
 def tables(report: str) -> str:
     """The report's first line and its tables."""
     return "\n\n".join(
-        part for part in report.split("\n\n")[2:] if part[0].isdigit() or part[0] == "|"
+        part for part in report.split("\n\n")[2:] if part[:1].isdigit() or part[:1] == "|"
     ).strip()
 
 
