@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads recordings: rosbag2 bag folders with MCAP files, or bare MCAP files, without ROS."""
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -10,7 +11,8 @@ from typing import Any
 import numpy as np
 from mcap.records import Channel, Footer, Schema, Statistics
 from numpy.typing import NDArray
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.mcap_file import LAST_TIME_NS
@@ -18,6 +20,11 @@ from skydiver_utc.recording.metadata import HASH_KEY, QOS_KEY, mcap_files
 from skydiver_utc.recording.records import DAMAGE, Damaged, parts, unpacked
 
 _ENCAPSULATION_LENGTH = 4
+# What rosbags raises on definitions and messages that come from anywhere.
+_UNREADABLE = (*DAMAGE, TypesysError, SerdeError)
+_MOST_ENTRIES = (
+    1000  # of the lists of fixed length in a definition: rosbags writes code for each, 5 ms and 40 kB
+)
 
 
 @dataclass(eq=False)
@@ -78,17 +85,16 @@ class RecordedTopic:
     @cached_property
     def _decoded(self) -> tuple[list[Any | None], Exception | None]:
         """The messages and the first error."""
-        # Definitions and bytes come from anywhere, and the parser of a definition raises what it happens to meet.
         try:
             decode = _decoder(self.type_name, self.definition)
-        except Exception as error:
+        except _UNREADABLE as error:
             return [None] * len(self.cdr), error
         found: list[Any | None] = []
         first: Exception | None = None
         for cdr in self.cdr:
             try:
                 found.append(decode(cdr))
-            except Exception as error:
+            except _UNREADABLE as error:
                 found.append(None)
                 first = first or error
         return found, first
@@ -195,6 +201,8 @@ class _Contents:
 @lru_cache(maxsize=64)
 def _decoder(type_name: str, text: str) -> Callable[[bytes], Any]:
     """A function that deserializes messages of a type with this definition; cached, because building it takes 0.1 s."""
+    if sum(map(int, re.findall(r"\[(\d+)\]", text))) > _MOST_ENTRIES:
+        raise ValueError(f"its lists of fixed length have more than {_MOST_ENTRIES} entries")
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(text, type_name))
     # store.deserialize_cdr refuses the padding that rclpy.serialization leaves at the end of some messages.

@@ -79,6 +79,8 @@ def with_another(topic: str, encoding: str, schema: tuple[str, str, bytes] | Non
         ("cdr", ("pkg/srv/Add_Event", "ros2msg", SERVICE_EVENT)),
         ("cdr", ("pkg/msg/Own", "ros2msg", b"\xff\xfe not a definition")),
         ("cdr", ("pkg/msg/Own", "ros2msg", b"Own self\n")),
+        ("cdr", ("pkg/msg/Own", "ros2msg", b"wstring text\n")),
+        ("cdr", ("pkg/msg/Own", "ros2msg", b"string[9999999] texts\n")),
     ],
 )
 def test_what_is_no_ros_message_is_ignored_and_recovered(
