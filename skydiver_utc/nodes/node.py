@@ -134,6 +134,7 @@ class ScenarioNode(ManagedNode):
 
     def publish_diagnostics(self) -> None:
         """Publish the health of the node: the heartbeat."""
+        self._look_for_second()
         lifecycle, k = self.lifecycle, self.newest_step()
         health = Health(Level.OK, lifecycle, {}) if lifecycle == UNCONFIGURED else self.health()
         if lifecycle not in (UNCONFIGURED, ACTIVE) and not self.done:
@@ -212,11 +213,21 @@ class ScenarioNode(ManagedNode):
             # A status of this name without an age is not of a node of this package.
             with suppress(ValueError):
                 if other != self._id and (float(age), other) > (self._age_s, self._id):
-                    topic = self.resolve_topic_name(self.MAIN.name)
-                    self.refuse(
-                        f"the node {self._full_name} publishes {topic} already: end it first, or give this node another"
-                        " namespace"
-                    )
+                    self._refuse_for(self._full_name)
+
+    def _look_for_second(self) -> None:
+        """End before this node works where a node of another name publishes its main topic."""
+        if self.MAIN is not None and self.newest_step() < 0:
+            own = (self.get_name(), "_NODE_NAME_UNKNOWN_")
+            for other in self.get_publishers_info_by_topic(self.resolve_topic_name(self.MAIN.name)):
+                if other.node_name not in own:
+                    self._refuse_for(other.node_name)
+
+    def _refuse_for(self, other: str) -> None:
+        topic = self.resolve_topic_name(self.MAIN.name)
+        self.refuse(
+            f"the node {other} publishes {topic} already: end it first, or give this node another namespace"
+        )
 
     def _log_what_is_missing(self) -> None:
         if self.active and not self.done and (sentence := self.missing()):

@@ -10,9 +10,10 @@ import shlex
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
@@ -97,6 +98,24 @@ class Ros:
             node.destroy_node()
         self.executor.shutdown()
         rclpy.try_shutdown(context=self.context)
+
+
+@contextmanager
+def spinning(ros: Ros) -> Iterator[None]:
+    """The nodes work in a thread of their own, as they do in their processes."""
+    done = threading.Event()
+
+    def spin() -> None:
+        while not done.is_set():
+            ros.executor.spin_once(timeout_sec=0.02)
+
+    thread = threading.Thread(target=spin)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
 
 
 class Partner(Node):

@@ -2,13 +2,12 @@
 """A flight over ROS that its page changes: sliders, ghost, push, gust, pause and reset; the bag has all of it."""
 
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from ros_fixtures import PATIENCE_S, Ros, overrides
+from ros_fixtures import PATIENCE_S, Ros, overrides, spinning
 
 from skydiver_utc.analysis.controller_check import check
 from skydiver_utc.analysis.recorded_run import RecordedRun
@@ -27,24 +26,6 @@ from skydiver_utc.view.live_flight import LiveFlight
 from skydiver_utc.view.ros_flight import RosFlight
 
 pytest_plugins = ("ros_fixtures",)
-
-
-@contextmanager
-def spinning(ros: Ros) -> Iterator[None]:
-    """The nodes work in a thread of their own, as they do in their processes."""
-    done = threading.Event()
-
-    def spin() -> None:
-        while not done.is_set():
-            ros.executor.spin_once(timeout_sec=0.02)
-
-    thread = threading.Thread(target=spin)
-    thread.start()
-    try:
-        yield
-    finally:
-        done.set()
-        thread.join()
 
 
 def wait(condition: Callable[[], object]) -> None:

@@ -240,3 +240,11 @@ def test_a_foreign_status_of_its_name_does_not_end_a_node(
     clocks.publish(topics.CLOCK.type())
     ros.spin_until(lambda: reference.refusals.counts["stamp"] == 1)
     assert reference.active
+
+
+def test_a_plant_beside_one_of_another_name_is_refused(ros: Ros, tmp_path: Path) -> None:
+    ros.partner("own_plant").publisher(JOINT_STATE)
+    plant = Stage(ros, tmp_path).add("plant")
+    ros.spin_until(lambda: plant.finished)
+    assert "own_plant" in plant.refused
+    assert "/skydiver/state" in plant.refused
