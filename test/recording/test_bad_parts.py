@@ -58,43 +58,29 @@ def test_a_message_with_an_impossible_time_is_left_out(
         assert reader.end_time == last + 1
 
 
-def with_another(topic: str, encoding: str, schema: tuple[str, str, bytes] | None) -> "object":
-    """Two messages of a topic."""
-
-    def more(writer: Writer) -> None:
+@pytest.mark.parametrize(
+    ("topic", "encoding", "schema"),
+    [
+        ("/notes", "json", ("note", "jsonschema", b"{}")),
+        ("/a", "json", ("note", "jsonschema", b"{}")),
+        ("/notes", "json", None),
+        ("/a", "json", None),
+        ("/notes", "cdr", (STRING[0], "ros2idl", b"module")),
+        ("/notes", "cdr", ("pkg/srv/Add_Event", "ros2msg", SERVICE_EVENT)),
+        ("/notes", "cdr", ("pkg/msg/Own", "ros2msg", b"\xff\xfe not a definition")),
+        ("/notes", "cdr", ("pkg/msg/Own", "ros2msg", b"Own self\n")),
+        ("/notes", "cdr", ("pkg/msg/Own", "ros2msg", b"wstring text\n")),
+        ("/notes", "cdr", ("pkg/msg/Own", "ros2msg", b"string[9999999] texts\n")),
+    ],
+)
+def test_what_is_no_ros_message_is_ignored_and_recovered(
+    bag: Path, tmp_path: Path, topic: str, encoding: str, schema: tuple[str, str, bytes] | None
+) -> None:
+    def attached(writer: Writer) -> None:
         schema_id = 0 if schema is None else writer.register_schema(*schema)
         channel = writer.register_channel(topic, encoding, schema_id, {"offered_qos_profiles": "[" * 3000})
         for k in range(2):
             writer.add_message(channel, START_NS + k, b'{"x": 1}', START_NS + k)
-
-    return more
-
-
-@pytest.mark.parametrize(
-    ("encoding", "schema"),
-    [
-        ("json", ("note", "jsonschema", b"{}")),
-        ("json", None),
-        ("cdr", (STRING[0], "ros2idl", b"module")),
-        ("cdr", ("pkg/srv/Add_Event", "ros2msg", SERVICE_EVENT)),
-        ("cdr", ("pkg/msg/Own", "ros2msg", b"\xff\xfe not a definition")),
-        ("cdr", ("pkg/msg/Own", "ros2msg", b"Own self\n")),
-        ("cdr", ("pkg/msg/Own", "ros2msg", b"wstring text\n")),
-        ("cdr", ("pkg/msg/Own", "ros2msg", b"string[9999999] texts\n")),
-    ],
-)
-def test_what_is_no_ros_message_is_ignored_and_recovered(
-    bag: Path, tmp_path: Path, encoding: str, schema: tuple[str, str, bytes] | None
-) -> None:
-    for topic in ("/notes", "/a") if encoding == "json" else ("/notes",):
-        ignored_and_recovered(bag, tmp_path / topic[1:], encoding, schema, topic)
-
-
-def ignored_and_recovered(
-    bag: Path, tmp_path: Path, encoding: str, schema: tuple[str, str, bytes] | None, topic: str
-) -> None:
-    def attached(writer: Writer) -> None:
-        with_another(topic, encoding, schema)(writer)  # type: ignore[operator]
         writer.add_attachment(1, 2, "calibration.txt", "text/plain", b"1 2 3")
         writer.add_metadata("camera", {"serial": "7"})
 
