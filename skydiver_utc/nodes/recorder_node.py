@@ -142,7 +142,7 @@ class RecorderNode(ScenarioNode):
 
     def _new_run(self) -> RunMonitor:
         length_ns = self.scenario.steps * self.scenario.dt_ns
-        return RunMonitor(self.scenario.stamp_ns(0), length_ns)
+        return RunMonitor(self.scenario.stamp_ns(0), length_ns, self.refusals)
 
     def _poll(self) -> None:
         if self._bag is None:
@@ -182,7 +182,9 @@ class RecorderNode(ScenarioNode):
         return True
 
     def _write_waiting(self) -> None:
-        dated = [(self._log_time(each, message), each, message) for each, message in self._waiting]
+        dated = [
+            (self._run.log_time(each.topic, message.cdr), each, message) for each, message in self._waiting
+        ]
         self._waiting.clear()
         if self.failure or self._bag is None:
             return
@@ -192,13 +194,6 @@ class RecorderNode(ScenarioNode):
                     each.count += 1
         except RecordingError as error:
             self._fail(error)
-
-    def _log_time(self, of: RecorderInput, message: RawMessage) -> int:
-        try:
-            return self._run.log_time(of.topic, message.cdr)
-        except MessageError as error:
-            self.refusals.add(of.topic.name, error)
-            return self._run.newest_or_begin_ns
 
     def _end_recording(self) -> None:
         try:

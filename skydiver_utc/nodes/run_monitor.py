@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The run of a recording: the log time of each message, the run's id, and its outcome."""
 
+from contextlib import suppress
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -10,7 +11,7 @@ from std_msgs.msg import String
 
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.loop.outcome import Outcome
-from skydiver_utc.messages import MessageError
+from skydiver_utc.messages import MessageError, Refusals
 from skydiver_utc.messages.texts import read_outcome, run_id_of
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.recorder_inputs import RawMessage
@@ -25,11 +26,11 @@ class RunMonitor:
     then the range begins with it.
     """
 
-    def __init__(self, epoch_ns: int, length_ns: int) -> None:
+    def __init__(self, epoch_ns: int, length_ns: int, refusals: Refusals) -> None:
         self.newest_ns: int | None = None
         self.ended, self.aborted = False, False
         self._states = 0  # of the whole run, from its outcome
-        self._begin_ns, self._length_ns = epoch_ns, length_ns
+        self._begin_ns, self._length_ns, self._refusals = epoch_ns, length_ns, refusals
         self._first_state_ns: int | None = None
         self._run_id = ""
 
@@ -53,36 +54,38 @@ class RunMonitor:
             self._receive_outcome(message)
 
     def log_time(self, topic: Topic, cdr: bytes) -> int:
-        """The message's stamp; without one, the newest time. `MessageError` where the stamp is not of this run.
+        """The message's stamp; without one, or with one that is not of this run, the newest time.
 
         Diagnostics come from nodes of any clock.
         """
-        if topic.name == topics.DIAGNOSTICS.name or not _has_stamp(topic.type):
-            return self.newest_or_begin_ns
+        if topic.name != topics.DIAGNOSTICS.name and _has_stamp(topic.type):
+            try:
+                return self._stamp_ns(cdr)
+            except MessageError as error:
+                self._refusals.add(topic.name, error)
+        return self._newest_or_begin_ns
+
+    @property
+    def _newest_or_begin_ns(self) -> int:
+        return self._begin_ns if self.newest_ns is None else self.newest_ns
+
+    def _stamp_ns(self, cdr: bytes) -> int:
         try:
             stamp_ns = leading_stamp_ns(cdr)
         except RecordingError as error:
             raise MessageError("stamp", str(error)) from error
+        if self.newest_ns is None and stamp_ns > self._begin_ns + self._length_ns:
+            self._begin_ns = stamp_ns
         if not self._begin_ns <= stamp_ns <= self._begin_ns + self._length_ns:
             raise MessageError("stamp", "its stamp is outside of the run, it is recorded at the newest time")
         return stamp_ns
 
-    @property
-    def newest_or_begin_ns(self) -> int:
-        """The newest time, before the run its begin."""
-        return self._begin_ns if self.newest_ns is None else self.newest_ns
-
     def _receive_time(self, topic: Topic, cdr: bytes) -> None:
-        try:
-            stamp_ns = leading_stamp_ns(cdr)
-            if self.newest_ns is None and stamp_ns > self._begin_ns + self._length_ns:
-                self._begin_ns = stamp_ns
-            stamp_ns = self.log_time(topic, cdr)
-        except (RecordingError, MessageError):  # refused by `log_time` when it is written
-            return
-        self.newest_ns = max(self.newest_or_begin_ns, stamp_ns)
-        if self._first_state_ns is None and topic.name == topics.STATE.name:
-            self._first_state_ns = stamp_ns
+        with suppress(MessageError):  # counted by `log_time` when it is written
+            stamp_ns = self._stamp_ns(cdr)
+            self.newest_ns = max(self._newest_or_begin_ns, stamp_ns)
+            if self._first_state_ns is None and topic.name == topics.STATE.name:
+                self._first_state_ns = stamp_ns
 
     def _receive_outcome(self, message: RawMessage) -> None:
         outcome = read_outcome(_text(message))

@@ -5,13 +5,14 @@ import struct
 import time
 import tracemalloc
 from pathlib import Path
+from typing import Any
 
 import lz4.frame
 import pytest
 import zstandard
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import Reader
 
 from bags import START_NS, STRING, Record, Row, chunk_file, rewritten, text_message, write_bag
@@ -108,6 +109,14 @@ def test_what_is_no_ros_message_is_ignored_and_recovered(
         other = next(c for _, c, m in messages if m.data == b'{"x": 1}')
         assert (other.topic, other.message_encoding) == (topic, encoding)
         assert other.metadata == {"offered_qos_profiles": "[" * 3000}
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"use_chunking": False}, {"compression": CompressionType.NONE}, {"compression": CompressionType.ZSTD}],
+)
+def test_files_of_other_writers_are_read(bag: Path, tmp_path: Path, options: dict[str, Any]) -> None:
+    assert texts(rewritten(bag, tmp_path / "run_0.mcap", **options)) == [f"text {k}" for k in range(20)]
 
 
 def test_messages_compressed_one_by_one_stay_so(bag: Path, tmp_path: Path) -> None:

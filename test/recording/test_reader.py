@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
@@ -270,29 +269,6 @@ def test_bags_of_rosbags(tmp_path, mode):
     topic = read_bag(tmp_path / "bag")["/clock"]
     assert topic.messages[0].clock.sec == 5
     assert topic.log_times_ns.tolist() == [42]
-
-
-def foreign_file(path: Path, **options: Any) -> Path:
-    """An MCAP file with one clock message on /clock and one on /other, by the library's writer and its options."""
-    schema = message_schema("rosgraph_msgs/msg/Clock")
-    with path.open("wb") as stream:
-        writer = Writer(stream, **options)
-        writer.start(profile="ros2")
-        schema_id = writer.register_schema(schema.type_name, "ros2msg", schema.text.encode())
-        for topic in ("/clock", "/other"):
-            channel = writer.register_channel(topic, "cdr", schema_id)
-            writer.add_message(channel, 1, serialization.serialize_message(Clock()), 1)
-        writer.finish()
-    return path
-
-
-@pytest.mark.parametrize(
-    "options",
-    [{"use_chunking": False}, {"compression": CompressionType.NONE}, {"compression": CompressionType.ZSTD}],
-)
-def test_files_of_other_writers(tmp_path, options):
-    recorded = read_bag(foreign_file(tmp_path / "file.mcap", **options))
-    assert len(recorded["/clock"].messages) == len(recorded["/other"].messages) == 1
 
 
 def test_bytes_that_are_no_message_do_not_hide_the_others(tmp_path):
