@@ -39,8 +39,9 @@ class PlantDisplay:
         self._markers = node.advertise(topics.MARKERS) if plant.shapes and node.settings.markers else None
         self._frames = node.advertise(topics.TRANSFORMS) if frames else None
         self._joints_message = JointState(name=list(plant.joint_names))
-        self._shapes = [_ellipsoid(i, shape.half_axes) for i, shape in enumerate(plant.shapes)]
-        self._lines = _marker("forces", 0, Marker.LINE_LIST, _FORCE_COLOR, (_LINE_WIDTH_M, 0.0, 0.0))
+        axes = [(2.0 * shape.half_axes).tolist() for shape in plant.shapes]
+        self._shapes = [_marker("segments", i, Marker.SPHERE, _BODY_COLOR, a) for i, a in enumerate(axes)]
+        self._lines = _marker("forces", 0, Marker.LINE_LIST, _FORCE_COLOR, [_LINE_WIDTH_M, 0.0, 0.0])
         self._transforms = [_transform(frame) for frame in frames]
         # Compiled before the run.
         state, applied = plant.initial_state(), plant.initial_applied()
@@ -90,11 +91,7 @@ def _if_subscribed(publisher: Any) -> Any:
     return publisher if publisher is not None and publisher.get_subscription_count() else None
 
 
-def _ellipsoid(i: int, half_axes: Vector) -> Any:
-    return _marker("segments", i, Marker.SPHERE, _BODY_COLOR, tuple((2.0 * half_axes).tolist()))
-
-
-def _marker(namespace: str, i: int, kind: int, color: ColorRGBA, scale: tuple[float, ...]) -> Any:
+def _marker(namespace: str, i: int, kind: int, color: ColorRGBA, scale: list[float]) -> Any:
     marker = Marker(ns=namespace, id=i, type=kind, color=color)
     marker.header.frame_id = "world"
     marker.scale.x, marker.scale.y, marker.scale.z = scale

@@ -141,7 +141,10 @@ def test_a_run_that_pauses_goes_on_with_the_same_bits(ros: Ros, tmp_path: Path, 
     assert np.array([by_step[i] for i in range(51)]).tobytes() == wanted.states.tobytes()
 
 
-def test_a_command_that_comes_in_a_pause_is_used_after_it(ros: Ros, tmp_path: Path) -> None:
+@pytest.mark.parametrize("ending", [(SHUTDOWN_ACTIVE,), (DEACTIVATE, CLEANUP)])
+def test_a_command_of_a_pause_is_used_after_it_and_a_run_that_is_ended_is_aborted(
+    ros: Ros, tmp_path: Path, ending: tuple[int, ...]
+) -> None:
     stage = Stage(ros, tmp_path, command_timeout_s=50.0)
     plant = stage.add("plant")
     partner = ros.partner("own_controller")
@@ -158,19 +161,7 @@ def test_a_command_that_comes_in_a_pause_is_used_after_it(ros: Ros, tmp_path: Pa
     assert plant.k == 0
     assert manager.transition(ACTIVATE)
     assert plant.k == 1
-
-
-@pytest.mark.parametrize("pause", [False, True])
-def test_a_run_that_is_shut_down_or_cleaned_up_is_aborted(ros: Ros, tmp_path: Path, pause: bool) -> None:
-    stage = Stage(ros, tmp_path, command_timeout_s=50.0)
-    plant = stage.add("plant")
-    partner = ros.partner("own_controller")
-    partner.publisher(topics.COMMAND)
-    partner.receive(JOINT_STATE)
-    ros.spin_until(lambda: plant.k == 0)
-    manager = Manager(ros, "plant")
-    transitions = (DEACTIVATE, CLEANUP) if pause else (SHUTDOWN_ACTIVE,)
-    assert all(manager.transition(number) for number in transitions)
+    assert all(manager.transition(number) for number in ending)
     ros.spin_until(lambda: stage.outcomes)
     assert read_outcome(stage.outcomes[0].data)["outcome"] == Outcome.ABORTED.value
 
