@@ -70,7 +70,7 @@ def convert(content: Mapping[str, Any], origin: str, found: Iterable[str] = ()) 
         known += [
             f"{name}.{field}" for name in SLOTS for field in _field_names(_model(name, content.get(name)))
         ]
-        errors += _clauses((e for e in error.errors() if not set(e["loc"][:1]) & wrong), "", blocks, known)
+        errors += _clauses((e for e in error.errors() if wrong.isdisjoint(e["loc"])), "", blocks, known)
     if errors:
         more = len(errors) - _MOST_SHOWN
         shown = [*errors[:_MOST_SHOWN], *([f"and {more} more"] if more > 0 else [])]

@@ -81,7 +81,8 @@ def test_a_wrong_one_is_named(load, reference, words):
 @pytest.mark.parametrize("written_for_this", [True, False])
 def test_a_text_from_anywhere_imports_no_other_code(tmp_path, monkeypatch, name, written_for_this):
     """Only a module that imports this package, as one with a class for it does."""
-    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.path", [*sys.path])
     module = name.format(f"waves_{tmp_path.name}")
     path = tmp_path / f"{module.replace('.', '/')}.py"
     path.parent.mkdir(exist_ok=True)
