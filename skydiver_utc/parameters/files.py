@@ -47,11 +47,11 @@ def _draft(path: Path) -> Iterator[Path]:
         yield draft
         draft.rename(path)
     except BaseException as error:
-        with suppress(OSError):  # a name that no file can have
+        with suppress(OSError):  # there may be none
             if draft.is_dir():
-                shutil.rmtree(draft, ignore_errors=True)
+                shutil.rmtree(draft)
             else:
-                draft.unlink(missing_ok=True)
+                draft.unlink()
         if isinstance(error, OSError) and str(error.filename or draft).startswith(str(draft)):
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise

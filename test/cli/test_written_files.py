@@ -46,6 +46,15 @@ def test_a_full_disk_leaves_the_old_file_and_one_sentence(scenario: Path, tmp_pa
     assert len(list(tmp_path.iterdir())) == 2
 
 
+def test_a_file_is_on_the_disk_before_it_has_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes: list[int] = []
+    monkeypatch.setattr(os, "fsync", lambda file: sizes.append(os.fstat(file).st_size))
+    write_file(tmp_path / "file", "new")
+    assert sizes == [3]
+
+
 def test_a_folder_is_there_as_a_whole_or_not_at_all(tmp_path: Path) -> None:
     def interrupted() -> None:
         with new_folder(tmp_path / "made") as draft:

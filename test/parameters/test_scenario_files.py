@@ -43,6 +43,7 @@ def test_scalars_are_those_of_yaml_1_2_and_come_back(text: str) -> None:
     assert (found, type(found)) == (expected, type(expected))
     again = parse_yaml(write_yaml({"a": found, "b": text}), "it")
     assert again == {"a": expected, "b": text}
+    assert write_yaml({"b": "°", "a": found}).startswith("{b: °, a: ")
 
 
 @pytest.mark.parametrize("text", ["1_0", "nan", "inf", "1e999", "0x10", "١", "1:30", "", "1 0"])
