@@ -196,13 +196,14 @@ def test_offset_free_tracking_changes_nothing_on_the_plant_of_the_model():
     np.testing.assert_allclose(states[1], states[0], rtol=1e-9)
 
 
-def test_a_variance_that_grows_unseen_is_told_with_its_remedies():
-    """y = u0 + u1 without bounds: the variance of u0 - u1 gains Qu in each step."""
+@pytest.mark.parametrize(("ends", "steps"), [(FREE, 200), ({"minimum": -5.0, "maximum": 5.0}, 10)])
+def test_a_variance_that_grows_unseen_is_told_with_its_remedies(ends, steps):
+    """y = u0 + u1: the variance of u0 - u1 gains Qu in each step."""
     drive = controller(
-        lambda x, u, dt: np.array([u[0] + u[1]]), None, state=[0.0], control=[0, 0], horizon=1, Pu=1.0, Qu=20.0, **FREE
+        lambda x, u, dt: np.array([u[0] + u[1]]), None, state=[0.0], control=[0, 0], horizon=1, Pu=1.0, Qu=20.0, **ends
     )  # fmt: skip
     assert "forgetting_factor" not in drive.step([0.0], 1.0).sentence
-    for _ in range(200):
+    for _ in range(steps):
         result = drive.step([0.0], 1.0)
     assert result.grown == ("u0", "u1")
     assert "forgetting_factor" in result.sentence

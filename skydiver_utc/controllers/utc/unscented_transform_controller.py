@@ -174,9 +174,7 @@ class UnscentedTransformController(Tunable):
         if self._coupling is not None:
             self._coupling.reset()
         self._started = self._coupling is None
-        self._moved = self._holds_after and bool(
-            np.linalg.norm(control - self._after) < np.linalg.norm(control - self._initial)
-        )
+        self._moved = bool(np.linalg.norm(control - self._after) < np.linalg.norm(control - self._initial))
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """Control for a state (n,) and the reference preview (preview_steps + 1, l)."""
