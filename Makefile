@@ -18,7 +18,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 # Tests run in as many processes as there are cores: threads of their own would only wait for each other.
 test test-fast: export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help install demo docs film test test-fast lowest highest fuzz mutants kills lint bench bench-tools worst compared references rivals-tools tools bench-ros study sensitivity paper soak network package clean
+.PHONY: help install demo docs film test test-fast lowest highest fuzz mutants kills lint bench bench-tools worst compared references rivals-tools tools bench-ros paper soak network package clean
 
 help:
 	@echo "make demo      run SCENARIO ($(SCENARIO)) over ROS, recorded below bags/"
@@ -37,9 +37,7 @@ help:
 	@echo "make references fly every reference within reach with UTC and two rivals; some ten minutes; ARGS=--skydiver=paper"
 	@echo "make rivals-tools fly CasADi, do-mpc and OSQP on the fast turn with their tuned costs; some ten minutes"
 	@echo "make bench-ros time a run over four processes beside a bare rclpy loop of four; some three minutes"
-	@echo "make study     fly 4 x 200 random tunings again, into docs/paper; some five minutes"
-	@echo "make sensitivity fly the paper's configurations on plants with other numbers, into docs/paper; some ten minutes"
-	@echo "make paper     make all of docs/paper and docs/figures/tuning again, study included, sensitivity not"
+	@echo "make paper     make all of docs/paper and docs/figures/tuning again; some twenty minutes"
 	@echo "make soak      30 simulated minutes in lockstep, 10 minutes in real time: memory, losses, lateness"
 	@echo "make network   run over two machines with a network between them that delays and loses; Linux, root"
 	@echo "make package   build a wheel and an sdist, and run the wheel alone, without ROS"
@@ -127,13 +125,7 @@ tools: $(STAMP)
 bench-ros: $(STAMP)
 	$(VENV)/bin/python benchmarks/four_processes.py $(ARGS)
 
-study: $(STAMP)
-	$(VENV)/bin/skydiver-utc study tuning --count 200 --seed 1 --out docs/paper
-
-sensitivity: $(STAMP)
-	$(VENV)/bin/skydiver-utc study sensitivity --out docs/paper
-
-paper: study
+paper: $(STAMP)
 	$(VENV)/bin/skydiver-utc compare paper --out docs/paper
 	$(VENV)/bin/python benchmarks/tuning_guide.py docs/figures/tuning
 

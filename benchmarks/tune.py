@@ -33,7 +33,6 @@ from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.parameters import Scenario, leaves, load_scenario
 from skydiver_utc.plants.protocol import Plant
 from skydiver_utc.references.protocol import Reference
-from skydiver_utc.studies.tuning import FACTORS
 
 FACTOR = 30.0
 FLIGHTS = 64
@@ -100,7 +99,11 @@ _SAMPLES: Values = {
     "deviation.alpha": 0.03,
 }
 _POSE: Values = {"K_p": 1.5, "K_FF": 0.1, "Cm_damp_yaw": 0.5}
-_UTC = (*FACTORS, "horizon_steps")
+_UTC = (
+    *("Pu.Cm_damp_yaw", "Pu.k_right", "Pu.k_left", "Pu.alpha"),
+    *("coupling.k_right", "coupling.k_left", "coupling.alpha"),
+    *("Qu_ratio", "P_err", "horizon_steps"),
+)
 _UNKNOWN, _PI, _BEYOND = "fast_turn_unknown_dynamics", "fast_turn_pi_dynamics", "fast_turn_beyond_the_paper"
 _OF_BEYOND = (
     *_UTC,

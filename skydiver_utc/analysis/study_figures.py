@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of many flights: sweeps of one parameter, and random tunings."""
+"""Pictures of many flights: a metric against values that vary."""
 
 from collections.abc import Mapping, Sequence
-from itertools import cycle
 from typing import NamedTuple
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from skydiver_utc.analysis.style import (
@@ -25,25 +23,6 @@ _CASES = (
     *((BLUE, "x"), (PURPLE, "+")),
 )
 _PANELS_IN_ROW = 3
-
-
-def tuning_figure(rmse: Mapping[str, Sequence[float]], bar_deg_s: float) -> Figure:
-    """Share of random tunings, by label, below an RMSE [deg/s] (inf of a run without one); bar: of a success."""
-    with house_style():
-        figure = empty_figure(7.5, 4.5)
-        axes = figure.subplots()
-        for (label, sizes), (colour, _) in zip(rmse.items(), cycle(_CASES), strict=False):
-            share = 100.0 * np.arange(1, len(sizes) + 1) / len(sizes)
-            axes.step(np.sort(sizes), share, where="post", color=colour, linewidth=1.6, label=label)
-        axes.axvline(bar_deg_s, color=GREY, linewidth=1.0, linestyle=(0, (4, 2)))
-        axes.text(bar_deg_s, 3.0, " 5 % of the amplitude", color=GREY, fontsize=8.5)
-        axes.set_xscale("log")
-        axes.set_ylim(0.0, 103.0)
-        axes.set_xlabel("RMSE from 2 s on [deg/s]")
-        axes.set_ylabel("random tunings with at most this RMSE [%]")
-        figure.legend(loc="upper left", ncols=2)
-        figure.subplots_adjust(left=0.1, right=0.975, bottom=0.12, top=0.86)
-    return figure
 
 
 class ErrorMap(NamedTuple):

@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """``skydiver-utc calibrate``: a skydiver whose measures meet targets."""
 
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from skydiver_utc.cli import options
 from skydiver_utc.cli.outputs import prepare_folder
-from skydiver_utc.cli.screen import count_progress, show_json_or, show_lines, show_tables, table
+from skydiver_utc.cli.screen import count_progress, show_lines, show_values
 from skydiver_utc.errors import FAILED
 
 if TYPE_CHECKING:
     from skydiver_utc.studies.calibration.evaluation import Evaluation
-    from skydiver_utc.studies.calibration.settings import Calibration
 
 _EXIT_CODES = """\b
 exit code
@@ -48,7 +46,7 @@ def calibrate(
     skydiver.yaml with its suit, subject, posture and pattern, calibration.json, and evaluations.jsonl, from which the
     same command continues.
     """
-    from skydiver_utc.studies.calibration.candidate import numbers_of, start_of
+    from skydiver_utc.studies.calibration.candidate import start_of
     from skydiver_utc.studies.calibration.files import report, write_report, write_skydiver
     from skydiver_utc.studies.calibration.search import best_of, search
     from skydiver_utc.studies.calibration.settings import load_calibration
@@ -70,28 +68,7 @@ def calibrate(
     values = report(wanted, best, seed, len(done))
     write_report(out, values)
     skydiver = None if best.error else write_skydiver(out, wanted, start, best, command)
-    show_json_or(values, as_json, partial(_show, wanted, numbers_of(wanted, start)))
+    show_values(values, as_json)
     if skydiver and not as_json:
         show_lines(f"fly it: skydiver-utc simulate fast_turn_pi_dynamics --set plant.skydiver={skydiver}")
     return 0 if all(best.met) else FAILED
-
-
-def _show(calibration: "Calibration", before: dict[str, float], values: dict[str, Any]) -> None:
-    from rich.text import Text
-
-    title = f"{values['calibration']}, the best of {values['evaluations']}"
-    targets = table(title, "stage", "measure", "wanted", ">found", "", show_edge=False)
-    for row in values["targets"]:
-        bars = [
-            f"{side.replace('_', ' ')} {row[side]:g}" + (f" x {row['times']}" if row.get("times") else "")
-            for side in ("at_least", "at_most")
-            if row[side] is not None
-        ]
-        found = "none" if row["found"] is None else f"{row['found']:.4g}"
-        verdict = Text("met", style="green") if row["met"] else Text("not met", style="red")
-        targets.add_row(Text(row["stage"]), Text(row["measure"]), Text(", ".join(bars)), found, verdict)
-    numbers = table("Numbers", "", ">start", ">found", ">smallest", ">largest", show_edge=False)
-    for name, bounds in calibration.numbers.items():
-        numbers.add_row(name, *(f"{value:g}" for value in (before[name], values["numbers"][name], *bounds)))
-    show_tables(targets, numbers)
-    show_lines(*filter(None, [values["error"]]))

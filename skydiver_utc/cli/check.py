@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.outputs import check_figure_path, form_of
-from skydiver_utc.cli.screen import show_lines, show_tables, table
+from skydiver_utc.cli.screen import show_lines, show_values
 from skydiver_utc.cli.settings import parse_setting
 from skydiver_utc.errors import FAILED
 
@@ -83,10 +83,7 @@ def _show(values: dict[str, Any]) -> None:
         )
         return
     show_lines(f"{values['controller']}, less the recorded commands", style="bold")
-    made = table("", "control", ">RMS", ">largest", ">at, s")
-    for name, of in values["controls"].items():
-        made.add_row(name, f"{of['rms']:.6g}", f"{of['largest']:.6g}", f"{of['largest_at_s']:.3f}")
-    show_tables(made)
+    show_values({"controls": values["controls"]}, False)
     first = values["first_difference"]
     show_lines(
         f"{values['different_steps']} of {values['steps']} commands differ, the first at step {first['step']}"

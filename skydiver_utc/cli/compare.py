@@ -3,18 +3,12 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from skydiver_utc.cli import options
 from skydiver_utc.cli.outputs import prepare_folder
-from skydiver_utc.cli.screen import count_progress, show_lines, table
-
-if TYPE_CHECKING:
-    from skydiver_utc.studies.paper_results import PaperResults
-
-_STYLES = {"HOLDS": "green", "PARTLY": "yellow", "FAILS": "red", "ELSEWHERE": "dim"}
+from skydiver_utc.cli.screen import count_progress
 
 
 @click.group()
@@ -31,48 +25,26 @@ def compare() -> None:
 @options.as_json
 @options.quiet
 def paper(out: Path | None, quick: bool, workers: int, as_json: bool, quiet: bool) -> None:
-    """Run every configuration of the paper: a table, its figures, and a checklist of its claims.
+    """Run every configuration of the paper, random tunings and plants with other numbers; decide the paper's claims.
 
-    FOLDER receives paper.md, details.md, results.json and the figures. Studies found there go into the pages.
+    FOLDER receives paper.md, details.md, results.json and the figures. Takes some twenty minutes.
     """
     from skydiver_utc.studies.checklist import checklist
-    from skydiver_utc.studies.paper_cases import all_cases
-    from skydiver_utc.studies.paper_files import read_comparison, write_comparison
-    from skydiver_utc.studies.paper_results import run_comparison
+    from skydiver_utc.studies.paper_files import write_comparison
+    from skydiver_utc.studies.paper_page import page
+    from skydiver_utc.studies.paper_results import flights, run_comparison
 
     prepare_folder(out)
-    with count_progress("runs", len(all_cases()), quiet) as done:
-        results, runs = run_comparison(quick, workers, done)
+    wanted = flights(quick)
+    with count_progress("runs", len(wanted), quiet) as done:
+        results = run_comparison(wanted, quick, workers, done)
     if out is not None:
-        write_comparison(out, results, runs)
-        results = read_comparison(out)
+        write_comparison(out, results)
     if as_json:
         claims = [claim._asdict() for claim in checklist(results)]
         print(json.dumps(results.as_dict() | {"claims": claims}, indent=2))
         return
-    _show(results)
-    if out is not None:
-        show_lines(f"written into {out}")
-
-
-def _show(results: "PaperResults") -> None:
     from rich.console import Console
-    from rich.text import Text
+    from rich.markdown import Markdown
 
-    from skydiver_utc.studies.checklist import checklist
-    from skydiver_utc.studies.paper_page import CONFIGURATION_HEAD, QUICK_WARNING, configuration_rows
-
-    head, *rows = (
-        (label, *measured) for label, _code, *measured in (CONFIGURATION_HEAD, *configuration_rows(results))
-    )
-    configurations = table("Configurations", *head)
-    for row in rows:
-        configurations.add_row(*map(Text, row))
-    claims = table("The paper's claims", "the paper's claim", "measured", "", show_lines=True)
-    for claim in checklist(results):
-        verdict = Text(claim.verdict.value, style=_STYLES[claim.verdict.name])
-        claims.add_row(Text(claim.words), Text(claim.measured), verdict)
-    Console().print(configurations)
-    Console().print(claims)
-    if results.quick:
-        show_lines(QUICK_WARNING, style="bold red")
+    Console().print(Markdown(page(results)))

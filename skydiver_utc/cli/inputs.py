@@ -7,7 +7,7 @@ import click
 
 from skydiver_utc.cli import options
 from skydiver_utc.cli.errors import CommandError
-from skydiver_utc.cli.screen import facts, show_tables
+from skydiver_utc.cli.screen import show_values
 
 
 @click.command(cls=options.Computing, short_help="Estimate the inputs of the run folder RUN.")
@@ -35,12 +35,5 @@ def inputs(folder: Path, as_json: bool) -> None:
     write_file(folder / "inputs.png", png(inputs_figure(found)))
     if as_json:
         print(to_json(values))
-        return
-    made = facts(f"inputs of {values['scenario']}, from {values['states']} states")
-    for name, of_input in values["inputs"].items():
-        share, rmse = of_input["seen_share"], of_input["rmse"]
-        remark = (
-            "" if rmse is None else f"RMSE {rmse:.3g}, {100 * of_input['inside_two_deviations']:.0f} % inside"
-        )
-        made.add_row(name, f"{of_input['verdict']}, {100 * share:.0f} % of the time", remark)
-    show_tables(made)
+    else:
+        show_values(values, False, "schema_version", "time_s", "estimate", "deviation", "applied")

@@ -1,12 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measured postures: read as whole bodies, thinned to a path, and the command that flies it."""
+"""Measured postures: read as whole bodies, thinned to a path, and the settings that fly it."""
 
-import json
 import math
-import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import click
 import numpy as np
@@ -95,16 +92,17 @@ def clipped(source: Path, plant: SkydiverSettings, time_s: Array, angles: Array)
     return clipped, f"{within}: {', '.join(which)} deg" if which else f"{within}: none is beyond"
 
 
-def in_time(
-    source: Path, plant: SkydiverSettings, scenario: str, settings: Sequence[str], duration_s: float
-) -> list[str]:
-    """Settings for a motion of a duration; one that no flight can follow is refused."""
-    needed = timing(plant, duration_s)
+def timing(source: Path, scenario: str, settings: Sequence[str], duration_s: float) -> dict[str, object]:
+    """Overrides that let alpha go through its range in the measured time; what no flight can follow is refused."""
+    found: dict[str, object] = {"duration_s": _BEFORE_S + duration_s + _AFTER_S}
+    rate = (ALPHA[1] - ALPHA[0]) / duration_s
+    if rate > load_skydiver(scenario, settings).plant.limits.alpha_rate:
+        found["plant.limits.alpha_rate"] = rate
     try:
-        load_skydiver(scenario, [*settings, *needed])
+        load_scenario(scenario, dict(map(parse_setting, settings)) | found)
     except ParameterError as error:
         raise CommandError(f"{source} lasts {duration_s:g} s, which cannot be flown: {error}") from error
-    return needed
+    return found
 
 
 def kept(keyframes: Keyframes, count: int) -> str:
@@ -135,13 +133,10 @@ def path(name: str, source_line: str, time_s: Array, angles: Array, keyframes: K
     )
 
 
-class Table(NamedTuple):
-    nodes: int
-    error: TableError
-
-
-def table(source: Path, path: PosturePath, scenario_with: Callable[[int], Scenario]) -> Table:
-    """The number of nodes with which the plant's table is exact enough for the path."""
+def exact_enough(
+    source: Path, path: PosturePath, scenario_with: Callable[[int], Scenario]
+) -> tuple[Scenario, TableError]:
+    """The scenario with so many nodes that the plant's table is exact enough for the path, and the table's error."""
     closest = float(np.diff([keyframe.alpha for keyframe in path.keyframes]).min())
     nodes, most = _NODES
     needed = (ALPHA[1] - ALPHA[0]) / closest + 1.0
@@ -158,7 +153,7 @@ def table(source: Path, path: PosturePath, scenario_with: Callable[[int], Scenar
         error = table_error(plant, build_model(plant, scenario.dt_s, moves), moves)
         if not error.too_large:
             build_plant(scenario)  # refuses what the run would refuse
-            return Table(nodes, error)
+            return scenario, error
         if nodes == most:
             raise CommandError(
                 f"{source} moves too fast for its length, with {most} nodes the plant's table is still off by"
@@ -167,46 +162,19 @@ def table(source: Path, path: PosturePath, scenario_with: Callable[[int], Scenar
         nodes = min(2 * nodes - 1, most)
 
 
-def timing(plant: SkydiverSettings, duration_s: float) -> list[str]:
-    """Settings that let alpha go through its range in the time that the motion was measured in."""
-    needed = [f"duration_s={_BEFORE_S + duration_s + _AFTER_S:g}"]
-    rate = (ALPHA[1] - ALPHA[0]) / duration_s
-    if rate > plant.limits.alpha_rate:
-        needed.append(f"plant.limits.alpha_rate={rate:g}")
-    return needed
-
-
-def settings_of(out: Path, start: Path, duration_s: float, nodes: int) -> list[str]:
-    """Settings that fly the path in a file open loop, from the posture in another."""
+def flight(name: str, path: PosturePath, duration_s: float) -> dict[str, object]:
+    """Overrides that fly the path open loop from its first posture."""
     first, last = ALPHA
-    return [
-        _setting("name", out.stem),
-        _setting("title", f"Measured motion {out.stem}"),
-        _setting("plant.pattern", str(out)),
-        _setting("plant.posture", str(start)),
-        f"plant.limits.alpha=[{first:g}, {last:g}]",
-        f"plant.pattern_nodes={nodes}",
-        f"plant.initial.alpha={first:g}",
-        "plant.initial.bank_deg=0",
-        "controller={kind: open_loop}",
-        f"reference={{kind: points, output: alpha, points: [[{_BEFORE_S:g}, {first:g}],"
-        f" [{_BEFORE_S + duration_s:g}, {last:g}]]}}",
-    ]
-
-
-def _setting(name: str, text: str) -> str:
-    """NAME="TEXT": without quotes YAML reads some file names as something else than a text."""
-    return f"{name}={json.dumps(text, ensure_ascii=False)}"
-
-
-def scenario_of(scenario: str, settings: Sequence[str], path: PosturePath, start: Posture) -> Scenario:
-    """The scenario of the command, before the files that it names are written."""
-    overrides = dict(map(parse_setting, settings))
-    overrides |= {"plant.pattern": path.as_dict(), "plant.posture": start.as_dict()}
-    return load_scenario(scenario, overrides)
-
-
-def command(scenario: str, settings: Sequence[str]) -> str:
-    """The same command for a shell."""
-    options = [part for setting in settings for part in ("--set", setting)]
-    return shlex.join(["skydiver-utc", "simulate", scenario, *options])
+    points = [[_BEFORE_S, first], [_BEFORE_S + duration_s, last]]
+    return {
+        "name": name,
+        "title": f"Measured motion {name}",
+        "description": path.source,
+        "plant.pattern": path.as_dict(),
+        "plant.posture": path.keyframes[0].posture.as_dict(),
+        "plant.limits.alpha": list(ALPHA),
+        "plant.initial.alpha": first,
+        "plant.initial.bank_deg": 0.0,
+        "controller": {"kind": "open_loop"},
+        "reference": {"kind": "points", "output": "alpha", "points": points},
+    }

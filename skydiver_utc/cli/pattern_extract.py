@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``skydiver-utc pattern extract``: movement patterns of recorded postures."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,7 @@ import click
 from skydiver_utc.cli import options
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.outputs import name_of, write
-from skydiver_utc.cli.screen import show_tables, table
+from skydiver_utc.cli.screen import show_values
 from skydiver_utc.cli.settings import load_skydiver
 
 if TYPE_CHECKING:
@@ -20,9 +19,6 @@ if TYPE_CHECKING:
 
     from skydiver_utc.body.principal_components import PrincipalComponents
     from skydiver_utc.parameters import Scenario
-
-# Components that are listed together explain this share of the variance.
-_LISTED = 0.999
 
 
 @click.command(cls=options.Computing, short_help="Find the movement patterns of recorded postures.")
@@ -101,12 +97,10 @@ def extract(
         write(posture, mean)
     if out is not None:
         write(pattern, out)
-    if as_json:
-        print(json.dumps({"postures": len(angles), "components": rows}, indent=2))
-    elif out is None:
+    if out is None and not as_json:
         write(pattern, None)
     else:
-        _show(rows, about)
+        show_values({"postures": len(angles), "components": rows}, as_json, "direction")
 
 
 def _component(
@@ -129,19 +123,3 @@ def _component(
         "alpha_rad": [float(alpha.min()), float(alpha.max())],
         "direction": direction.tolist(),
     }
-
-
-def _show(rows: Sequence[dict[str, Any]], about: str) -> None:
-    made = table(
-        f"Principal components of {about}",
-        *(">component", ">explained\nvariance", ">alpha\nrad", "positive alpha"),
-    )
-    explained = 0.0
-    for row in rows:
-        if explained > _LISTED:
-            break
-        explained += row["explained_variance"]
-        low, high = row["alpha_rad"]
-        variance, alpha = f"{row['explained_variance']:.4f}", f"{low:.3f} to {high:.3f}"
-        made.add_row(str(row["component"]), variance, alpha, row["effect"])
-    show_tables(made)

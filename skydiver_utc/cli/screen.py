@@ -2,7 +2,7 @@
 """Progress bars on stderr, metrics on stdout; rich is imported when something is shown."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -11,12 +11,18 @@ from skydiver_utc.cli.errors import printable
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
     from rich.table import Table
+    from rich.text import Text
 
     from skydiver_utc.parameters import Scenario
 
 Progressed = Callable[[int, int], None]  # called with (steps done, steps in all)
 # Wider than any table [columns].
 _WIDEST = 1000
+# By the ending of a name.
+_UNITS = {
+    "_rad_s2": "rad/s2", "_m_s2": "m/s2", "_deg_s": "deg/s", "_m_s": "m/s", "_1_s": "1/s", "_kg_m3": "kg/m3",
+    "_kg_m2": "kg m2", "_deg": "deg", "_rad": "rad", "_kg": "kg", "_hz": "Hz", "_s": "s", "_m": "m",
+}  # fmt: skip
 
 
 @contextmanager
@@ -79,11 +85,6 @@ def facts(title: str = "", **options: Any) -> "Table":
     return made
 
 
-def numbers(values: Iterable[float], digits: int) -> str:
-    """Numbers with so many decimals, none of them -0.0."""
-    return "  ".join(f"{round(value, digits) + 0.0:.{digits}f}" for value in values)
-
-
 def show_lines(*lines: str, style: str = "") -> None:
     """Print lines on stdout, however long."""
     from rich.console import Console
@@ -93,12 +94,69 @@ def show_lines(*lines: str, style: str = "") -> None:
         Console().print(Text(printable(line), style=style), soft_wrap=True)
 
 
-def show_json_or(values: Mapping[str, Any], as_json: bool, show: Callable[[dict[str, Any]], None]) -> None:
-    """Print values as one JSON object, or let `show` print them."""
+def show_values(values: Mapping[str, Any], as_json: bool, *left_out: str) -> None:
+    """Print plain data as one JSON object, or on the screen without the names that are left out.
+
+    On the screen each value is a row with its unit, which its name ends in; blocks of the same fields are a table.
+    """
     if as_json:
         print(json.dumps(values, indent=2))
-    else:
-        show(dict(values))
+        return
+    made, tables = facts(), []
+    for name, value in _flat(values, left_out):
+        blocks = _blocks(value)
+        if blocks is None:
+            label, unit = _in_words(name)
+            made.add_row(label, _text(value), unit)
+        elif blocks:
+            rows = [dict(_flat(block, left_out)) for block in blocks]
+            names = dict.fromkeys(name for row in rows for name in row)
+            title, headings = _in_words(name)[0], [" ".join(_in_words(name)).strip() for name in names]
+            tables.append(table(title, *headings, show_edge=False, padding=0))
+            for row in rows:
+                tables[-1].add_row(*(_text(row.get(name)) for name in names))
+    show_tables(made, *tables)
+
+
+def _flat(values: Mapping[str, Any], left_out: Sequence[str]) -> Iterator[tuple[str, Any]]:
+    """The values of a block and of the blocks in it, but for tables."""
+    for name, value in values.items():
+        if name in left_out:
+            continue
+        if isinstance(value, Mapping) and _blocks(value) is None:
+            yield from ((f"{name}_{inner}", value) for inner, value in _flat(value, left_out))
+        else:
+            yield name, value
+
+
+def _blocks(value: object) -> list[Mapping[str, Any]] | None:
+    """The rows of a table: a list of blocks, or blocks by name; None for anything else."""
+    if isinstance(value, Mapping) and all(isinstance(block, Mapping) for block in value.values()):
+        return [{"": name, **block} for name, block in value.items()]
+    if isinstance(value, list) and all(isinstance(block, Mapping) for block in value):
+        return value
+    return None
+
+
+def _in_words(name: str) -> tuple[str, str]:
+    """A name in words, and the unit that it ends in."""
+    for ending, unit in _UNITS.items():
+        if name.endswith(ending):
+            return name.removesuffix(ending).replace("_", " "), unit
+    return name.replace("_", " "), ""
+
+
+def _text(value: object) -> "Text":
+    """A value on the screen; numbers below a billionth are rounding errors."""
+    from rich.text import Text
+
+    if isinstance(value, bool):
+        return Text("yes", style="green") if value else Text("no", style="red")
+    if isinstance(value, list):
+        return Text("  ").join(map(_text, value))
+    if isinstance(value, float):
+        return Text(f"{round(value, 9) + 0.0:.4g}")
+    return Text("-" if value is None else printable(str(value)))
 
 
 def show_metrics(values: dict[str, Any], title: str) -> None:

@@ -1,21 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``skydiver-utc study``: many runs for one question."""
+"""``skydiver-utc study``: the runs of a study file, and one of them again."""
 
-from collections.abc import Sequence
-from itertools import product
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from skydiver_utc.cli import options
+from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.outputs import prepare_folder
-from skydiver_utc.cli.screen import count_progress, table
-from skydiver_utc.cli.settings import load_skydiver
-from skydiver_utc.cli.study_run import run_study, show_run
+from skydiver_utc.cli.screen import count_progress, show_lines
+from skydiver_utc.cli.simulate import exit_code, fly
+from skydiver_utc.errors import FAILED
 
 if TYPE_CHECKING:
-    from skydiver_utc.studies.tuning import TuningSummary
+    from skydiver_utc.studies.flights import Plan, Tally
+
+_EXIT_CODES = """\b
+exit code
+    0  every run ended, whatever its outcome
+    1  some runs failed, or a worker or the scheduler ended: the same command continues
+    2  the input is wrong: one sentence says why, nothing was started
+  130  stopped with Ctrl-C: the same command continues
+"""
+_out = click.option(
+    "--out", type=options.PATH, metavar="FOLDER", help="The study's folder, instead of studies/ and its name."
+)
 
 
 @click.group()
@@ -23,99 +35,120 @@ def study() -> None:
     """Answer one question with many runs."""
 
 
-study.add_command(run_study)
-study.add_command(show_run)
-
-
-@study.command(cls=options.Computing, short_help="Run with random covariances.")
-@click.option(
-    "--scenario", "names", multiple=True, show_default=True,
-    default=(
-        "fast_turn_unknown_dynamics", "fast_turn_pi_dynamics",
-        "fast_turn_unknown_dynamics_insensitive", "fast_turn_pi_dynamics_insensitive",
-    ),
-    metavar="SCENARIO", help="What is tuned. Repeatable.",
-)  # fmt: skip
-@options.settings
-@click.option(
-    "--factor", "reaches", multiple=True, default=(3.0,), show_default=True,
-    type=click.FloatRange(1.0, 100.0, min_open=True),
-    help="Largest factor on a covariance, and the inverse of the smallest. Repeatable.",
-)  # fmt: skip
-@click.option("--count", default=200, show_default=True, type=click.IntRange(2), help="Tunings per scenario.")
-@options.seed
-@options.out_folder
+@study.command(
+    "run", cls=options.Computing, epilog=_EXIT_CODES, short_help="Fly the runs of STUDY that are missing."
+)
+@click.argument("name", metavar="STUDY")
+@_out
 @options.workers
+@click.option("--scheduler", metavar="ADDRESS", default="", help="Fly on this Dask cluster instead.")
+@click.option(
+    "--until", type=click.FloatRange(0.0, 1.0, min_open=True), metavar="WIDTH",
+    help="Stop when the 95 % interval of each case's share of successes is this narrow.",
+)  # fmt: skip
+@options.quiet
+def run_study(
+    name: str, out: Path | None, workers: int, scheduler: str, until: float | None, quiet: bool
+) -> int:
+    """Fly the runs of STUDY that its folder does not hold yet, and write the report.
+
+    STUDY is a name below config/studies, or the path of a YAML file. FOLDER receives ledger.sqlite, in which every run
+    stands as soon as it has ended, report.md with its figure, and runs.csv. The same command
+    continues a study that was interrupted.
+    """
+    from skydiver_utc.studies.flights import Plan, StudyStoppedError, fly_study
+    from skydiver_utc.studies.ledger import FAILED as FAILED_RUN
+    from skydiver_utc.studies.ledger import FILE, ledger
+    from skydiver_utc.studies.study import load_study
+    from skydiver_utc.studies.study_report import REPORT, write_report
+
+    plan = Plan(load_study(name))
+    plan.check()
+    folder = _folder(plan, out)
+    prepare_folder(folder)
+    with ledger(folder, plan.study.name, plan.digest) as found, _progress(plan, quiet) as progress:
+        try:
+            rows = fly_study(plan, found, workers, progress, scheduler, until)
+        except StudyStoppedError as error:
+            count = len(found.rows())
+            click.echo(
+                f"Error: {error}: {count} runs stand in {folder / FILE}, the same command continues", err=True
+            )
+            return FAILED
+    write_report(folder, plan, rows)
+    failed = sum(row.outcome == FAILED_RUN for row in rows)
+    show_lines(f"{len(rows)} runs, {failed} failed: {folder / REPORT}")
+    return FAILED if failed else 0
+
+
+@study.command(
+    "show", cls=options.Computing, epilog=options.EXIT_CODES, short_help="Fly one run of a study again."
+)
+@click.argument("name", metavar="STUDY")
+@click.argument("number", metavar="RUN", type=click.IntRange(0))
+@_out
+@click.option("--record", is_flag=True, help="Fly it over ROS 2 and record it, as `skydiver-utc run` does.")
 @options.as_json
 @options.quiet
-def tuning(
-    names: Sequence[str],
-    settings: Sequence[str],
-    reaches: Sequence[float],
-    count: int,
-    seed: int,
-    out: Path | None,
-    workers: int,
-    as_json: bool,
-    quiet: bool,
-) -> None:
-    """Run SCENARIO with random tunings: each covariance times a factor of its own, log-uniform.
+def show_run(name: str, number: int, out: Path | None, record: bool, as_json: bool, quiet: bool) -> int:
+    """Fly one RUN of STUDY, by its number, again: the same numbers as in the ledger, bit for bit.
 
-    FOLDER receives tuning.json, tuning.png and a table of every run.
+    FOLDER receives the resolved scenario as run_RUN.yaml.
     """
-    from skydiver_utc.studies.tuning import check_tunable, summarise, tune
-    from skydiver_utc.studies.tuning_files import summaries_to_json, write_study
+    from skydiver_utc.parameters import to_yaml
+    from skydiver_utc.parameters.files import write_file
+    from skydiver_utc.studies.flights import Flown, Plan, kept_of
+    from skydiver_utc.studies.ledger import FAILED as FAILED_RUN
+    from skydiver_utc.studies.ledger import FILE, ledger
+    from skydiver_utc.studies.study import load_study
 
-    scenarios = [check_tunable(load_skydiver(name, settings)) for name in names]
-    prepare_folder(out)
-    tunings = []
-    for scenario, reach in product(scenarios, reaches):
-        with count_progress(f"{scenario.name}, factor {reach:g}", count + 1, quiet) as done:
-            tunings.append(tune(scenario, reach, count, seed, workers, done))
-    summaries = [summarise(one) for one in tunings]
-    if out is not None:
-        write_study(out, tunings, summaries)
-    if as_json:
-        print(summaries_to_json(summaries), end="")
-    else:
-        _show(summaries)
+    plan = Plan(load_study(name))
+    folder = _folder(plan, out)
+    if not (folder / FILE).is_file():
+        raise CommandError(f"there is no {folder / FILE}: run the study first, or give its folder with --out")
+    with ledger(folder, plan.study.name, plan.digest) as found:
+        row = next((row for row in found.rows() if row.number == number), None)
+    if row is None:
+        raise CommandError(f"{folder / FILE} has no run {number}: choose one that has ended")
+    scenario, path = plan.scenario(number), folder / f"run_{number}.yaml"
+    write_file(path, to_yaml(scenario))
+    if row.outcome == FAILED_RUN:
+        raise CommandError(f"run {number} failed: {row.sentence}; {folder / FILE} has the trace", FAILED)
+    if record:
+        from skydiver_utc.cli.run import run
 
-
-@study.command(cls=options.Computing, short_help="Run on plants with other numbers.")
-@options.out_folder
-@options.workers
-@options.quiet
-def sensitivity(out: Path | None, workers: int, quiet: bool) -> None:
-    """Run the paper's configurations with the plant's calibrated numbers 10 % off, one by one and all at once.
-
-    FOLDER receives sensitivity.json. Takes some ten minutes.
-    """
-    from skydiver_utc.studies.sensitivity import (
-        calibrations,
-        fly_calibrations,
-        sensitivity_section,
-        write_sensitivity,
-    )
-
-    prepare_folder(out)
-    with count_progress("calibrations and runs", 7 * len(calibrations()), quiet) as done:
-        found = fly_calibrations(workers, done)
-    if out is not None:
-        write_sensitivity(out, found)
-    print(sensitivity_section(found))
+        place = folder / f"run_{number}"
+        code: int = click.get_current_context().invoke(
+            run, scenarios=[str(path)], folder=place, as_json=as_json, quiet=quiet
+        )
+        click.echo(f"`skydiver-utc view {place}` shows it", err=True)
+        return code
+    flown, _ = fly(scenario, f"{plan.study.name}, run {number}: {row.case}, {row.sample}", as_json, quiet)
+    if kept_of(plan.study, Flown.of(flown)) != row.metrics:
+        click.echo(
+            f"Error: run {number} has other metrics in {folder / FILE}: another version flew it", err=True
+        )
+        return FAILED
+    return exit_code(flown)
 
 
-def _show(summaries: "Sequence[TuningSummary]") -> None:
-    from rich.console import Console
-    from rich.text import Text
+def _folder(plan: "Plan", out: Path | None) -> Path:
+    return out or Path("studies") / plan.study.name
 
-    from skydiver_utc.studies.tuning_files import count_rows, head, influence_rows
 
-    for title, rows in (
-        ("Random tunings", count_rows(summaries)),
-        ("Rank correlation of each factor with the RMSE", influence_rows(summaries)),
-    ):
-        made = table(title, *head(summaries))
-        for row in rows:
-            made.add_row(*map(Text, row))
-        Console().print(made)
+@contextmanager
+def _progress(plan: "Plan", quiet: bool) -> Iterator["Callable[[Tally], None]"]:
+    """A bar with the number of runs, the shares of their outcomes, and the widest interval of a success."""
+    total = sum(1 for _ in plan.design.numbers())
+    with count_progress(plan.study.name, total, quiet) as bar:
+
+        def show(tally: "Tally") -> None:
+            shares = ", ".join(
+                f"{100.0 * n / tally.done:.0f} % {end}" for end, n in tally.outcomes.most_common()
+            )
+            bar(
+                tally.done,
+                f"{plan.study.name}: {shares}, interval {100.0 * tally.widest():.1f} %" if shares else None,
+            )
+
+        yield show

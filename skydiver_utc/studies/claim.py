@@ -18,7 +18,6 @@ class Verdict(str, Enum):
     HOLDS = "holds"
     PARTLY = "partly"
     FAILS = "does not hold"
-    ELSEWHERE = "not measured here"
 
 
 class Claim(NamedTuple):

@@ -103,11 +103,14 @@ class Plan:
         return self._row(number, FAILED, {}, sentence, "".join(traceback.format_exception(error)), 0.0)
 
     def _row(self, number: int, outcome: str, kept: dict[str, Any], *rest: Any) -> Row:
-        success = outcome == Outcome.COMPLETED.value and all(
-            bar.holds(kept[name]) for name, bar in self.study.success.items()
-        )
-        sample = self.design.sample(number).values
+        sample, success = self.design.sample(number).values, self.is_success(outcome, kept)
         return Row(number, self.design.case(number), sample, outcome, success, kept, *rest)
+
+    def is_success(self, outcome: str, kept: Mapping[str, Any]) -> bool:
+        """Whether a run was completed with its metrics within the bars."""
+        return outcome == Outcome.COMPLETED.value and all(
+            bar.holds(kept.get(name)) for name, bar in self.study.success.items()
+        )
 
     def _settings_at(self, share: float, case: str) -> dict[str, Any]:
         inside = min(max(share, 1e-9), 1.0 - 1e-9)

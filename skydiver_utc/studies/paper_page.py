@@ -10,7 +10,6 @@ from skydiver_utc.studies.claim import Verdict
 from skydiver_utc.studies.markdown import figure, table
 from skydiver_utc.studies.paper_results import QUICK_S, PaperResults
 from skydiver_utc.studies.sensitivity import sensitivity_section
-from skydiver_utc.studies.tuning_files import tuning_section
 
 CONFIGURATION_HEAD = ("configuration", "code", "RMSE", "largest", "converged", "peak", "effort", "airspeed")
 QUICK_WARNING = f"The quick form: only the first {QUICK_S:g} s of each run. Its figures mean nothing."
@@ -88,7 +87,16 @@ def details(results: PaperResults) -> str:
         "## Variants of the equations\n\nThe run with the other variant, all else as in its scenario.\n",
         _variants(results),
         "## Sweeps\n\n![P_err, W0 and the horizon](sweeps.png)\n",
-        tuning_section(results.tuning),
+        "## Random tunings\n\nEach covariance times a random factor, log-uniform between 1/3 and 3 (`skydiver-utc study"
+        " run tuning` shows every run, and the correlation of each factor with the RMSE). Converged: in the first half"
+        " of the flight.\n",
+        table(
+            ("scenario", "tunings", "converged", "median RMSE"),
+            [
+                (f"`{name}`", str(one.count), str(one.converged), figure(one.rmse))
+                for name, one in results.tuning.items()
+            ],
+        ),
         sensitivity_section(results.sensitivity),
     ]
     return "\n".join(parts)

@@ -2,20 +2,22 @@
 """The measured side of the comparison with the paper, as it is kept in ``results.json``."""
 
 import time
+from collections.abc import Mapping
 
 import numpy as np
 
 from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.run import Run
-from skydiver_utc.parameters import Parameters
+from skydiver_utc.parameters import Parameters, Scenario
 from skydiver_utc.rotations import world_up
-from skydiver_utc.studies.cases import Case, Done, Measures, case, measure, run_all, whole
-from skydiver_utc.studies.paper_cases import FIGURES, M0_C2, all_cases
-from skydiver_utc.studies.sensitivity import Calibration
-from skydiver_utc.studies.tuning import TuningSummary
+from skydiver_utc.studies.cases import Case, Done, Measures, case, measure, run_all
+from skydiver_utc.studies.flights import Plan
+from skydiver_utc.studies.paper_cases import M0_C2, all_cases
+from skydiver_utc.studies.sensitivity import Calibration, sensitivity, sensitivity_flights
+from skydiver_utc.studies.study import load_study
 
 QUICK_S = 5.0
+TUNINGS = "tuning"  # the study of random tunings
 _PUSHED_S = 1.0
 _TIMED_S, _IN_A_ROW = 2.0, 20
 
@@ -37,8 +39,16 @@ class StepCost(Parameters):
     every_step: float
 
 
+class Tunings(Parameters):
+    """Random tunings: how many, how many converge in the first half of the flight, median RMSE [deg/s]."""
+
+    count: int
+    converged: int
+    rmse: float
+
+
 class PaperResults(Parameters):
-    """Measures of every run by its command; `tuning` and `sensitivity` are kept in files of their own.
+    """Measures of every run by its command, random tunings by scenario, and the plants with other numbers.
 
     `cost` alone comes from a clock, and differs from run to run.
     """
@@ -47,37 +57,60 @@ class PaperResults(Parameters):
     quick: bool
     measures: dict[str, Measures]
     push: HandPush
-    cost: StepCost | None = None
-    tuning: tuple[TuningSummary, ...] = ()
-    sensitivity: tuple[Calibration, ...] = ()
+    cost: StepCost
+    tuning: dict[str, Tunings]
+    sensitivity: tuple[Calibration, ...]
 
     def of(self, one: Case) -> Measures:
         """Measures of a case."""
         return self.measures[one.command]
 
 
-def run_comparison(quick: bool, workers: int, done: Done) -> tuple[PaperResults, dict[str, Run]]:
-    """Run everything; also the runs of the paper's figures, whole, by the figures' names.
+def flights(quick: bool) -> dict[str, Scenario]:
+    """Every run of the comparison: cases by their command, tunings by their number, calibrations by their name.
 
-    A quick comparison has only the first `QUICK_S` of each run: it shows that everything works, not how well.
+    A quick comparison has only the first `QUICK_S` of each, and few tunings and calibrations: it shows that everything
+    works, not how well.
     """
     duration_s = QUICK_S if quick else None
-    drawn = {label: one.load(duration_s) for label, one in FIGURES.items()}
-    runs = run_all(drawn, whole, workers, done)
-    in_figures = {one.command: label for label, one in FIGURES.items()}
-    others = {
-        command: one.load(duration_s) for command, one in all_cases().items() if command not in in_figures
-    }
-    found = run_all(others, measure, workers, lambda count: done(count + len(runs)))
-    found |= {command: measure(runs[label]) for command, label in in_figures.items()}
-    results = PaperResults(
-        schema_version=2,
+    cases = {command: one.load(duration_s) for command, one in all_cases().items()}
+    plan = Plan(load_study(TUNINGS))
+    numbers = list(plan.design.numbers())[: len(plan.scenarios) if quick else None]
+    changed = {"duration_s": duration_s} if quick else {}
+    more = {f"{TUNINGS}/{n}": plan.scenario(n) for n in numbers} | sensitivity_flights(1 if quick else None)
+    return cases | {name: one.replace(**changed) for name, one in more.items()}
+
+
+def run_comparison(wanted: Mapping[str, Scenario], quick: bool, workers: int, done: Done) -> PaperResults:
+    """Run `flights`, and measure the rest."""
+    found = run_all(wanted, measure, workers, done)
+    return PaperResults(
+        schema_version=3,
         quick=quick,
         measures={command: found[command] for command in all_cases()},
         push=hand_push(M0_C2),
         cost=step_cost(),
+        tuning=tunings(found),
+        sensitivity=sensitivity(found),
     )
-    return results, runs
+
+
+def tunings(found: Mapping[str, Measures]) -> dict[str, Tunings]:
+    """The counts of random tunings by scenario."""
+    plan = Plan(load_study(TUNINGS))
+    by_case: dict[str, list[Measures]] = {name: [] for name in plan.scenarios}
+    for name, one in found.items():
+        group, _, number = name.partition("/")
+        if group == TUNINGS:
+            by_case[plan.design.case(int(number))].append(one)
+    return {
+        case: Tunings(
+            count=len(flown),
+            converged=sum(plan.is_success(one.outcome, one.as_dict()) for one in flown),
+            rmse=float(np.quantile([one.rmse for one in flown], 0.5, method="inverted_cdf")),
+        )
+        for case, flown in by_case.items()
+    }
 
 
 def hand_push(one: Case) -> HandPush:

@@ -1,26 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sensitivity of the paper's results to the plant's calibration: the same flights with its numbers up to 10 % off."""
 
-import json
 from collections.abc import Mapping, Sequence
 from functools import reduce
+from itertools import islice
 from operator import getitem
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from skydiver_utc.parameters import Parameters, Scenario, override
-from skydiver_utc.parameters.files import write_file
 from skydiver_utc.plants.skydiver.trim import in_straight_fall
-from skydiver_utc.studies.cases import Done, measure, run_all
+from skydiver_utc.studies.cases import Measures
 from skydiver_utc.studies.markdown import figure, percent, table
 from skydiver_utc.studies.paper_cases import BARS, CONVERGED_S, NECESSARY, PAPER_UTC
 
 _REACH = 0.1
 _ALL_AT_ONCE, _SEED = 16, 1
-_FILE, _TITLE = "sensitivity.json", "## Sensitivity to the calibration"
 
 _AREAS = "plant.subject.suit.drag_areas_m2"
 # What is calibrated, below the scenario, with the entries of a list.
@@ -89,43 +85,33 @@ def changed(scenario: Scenario, factors: Mapping[str, float]) -> Scenario:
     return in_straight_fall(override(scenario, values)) if values else scenario
 
 
-def fly_calibrations(workers: int, done: Done) -> list[Calibration]:
-    """Fly the three configurations, with and without hands, on every calibration."""
+def sensitivity_flights(count: int | None) -> dict[str, Scenario]:
+    """The three configurations, with and without hands, on every calibration, or on the first so many."""
     configurations, scenarios = [one.load() for one in PAPER_UTC], {}
-    wanted = calibrations()
-    for count, (name, factors) in enumerate(wanted.items(), 1):
+    for name, factors in islice(calibrations().items(), count):
         plant = changed(configurations[0], factors).plant
         for k, one in enumerate(configurations):
             scenarios[f"{name}/{k}"] = one.replace(plant=plant)
             scenarios[f"{name}/{k}/-"] = one.replace(plant=plant.replace(hands=plant.hands.replace(K_N=0.0)))
-        done(count)
-    found = run_all(scenarios, measure, workers, lambda count: done(len(wanted) + count))
-    return [
+    return scenarios
+
+
+def sensitivity(found: Mapping[str, Measures]) -> tuple[Calibration, ...]:
+    """The results of `sensitivity_flights` by calibration."""
+    return tuple(
         Calibration(
             changed=name,
             rmse=tuple(found[f"{name}/{k}"].rmse_deg_s for k in range(3)),
             without_hands=tuple(found[f"{name}/{k}/-"].rmse_deg_s for k in range(3)),
             converged_s=tuple(found[f"{name}/{k}"].convergence_time_s for k in range(3)),
         )
-        for name in wanted
-    ]
-
-
-def write_sensitivity(folder: Path, found: Sequence[Calibration]) -> None:
-    """Write sensitivity.json."""
-    write_file(folder / _FILE, json.dumps([one.as_dict() for one in found], indent=1) + "\n")
-
-
-def read_sensitivity(folder: Path) -> tuple[Calibration, ...]:
-    """The results that `write_sensitivity` wrote into a folder, empty without it."""
-    path = folder / _FILE
-    return TypeAdapter(tuple[Calibration, ...]).validate_json(path.read_bytes()) if path.is_file() else ()
+        for name in calibrations()
+        if f"{name}/0" in found
+    )
 
 
 def sensitivity_section(found: Sequence[Calibration]) -> str:
     """The study's part of the page."""
-    if not found:
-        return f"{_TITLE}\n\nNot run: `skydiver-utc study sensitivity` into the same folder first.\n"
     rows = [
         (
             one.changed,
@@ -136,9 +122,9 @@ def sensitivity_section(found: Sequence[Calibration]) -> str:
     ]
     counts = (f"{name} in {sum(one.kept[name] for one in found)}" for name in found[0].kept)
     head = ("changed", "RMSE", "without hands", "converged [s]", "lost")
-    return f"""{_TITLE}
+    return f"""## Sensitivity to the calibration
 
 The three configurations with the plant's calibrated numbers {percent(_REACH)} off, one by one and all at once, the
-posture trimmed again (`skydiver-utc study sensitivity`). Of {len(found)} plants: {", ".join(counts)}.
+posture trimmed again. Of {len(found)} plants: {", ".join(counts)}.
 
 {table(head, rows)}"""

@@ -5,7 +5,6 @@ import csv
 import io
 from collections import Counter
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ _MOST_FAILURES = 20
 
 
 def write_report(folder: Path, plan: Plan, rows: Sequence[Row]) -> None:
-    """Write report.md, maps.png, and runs.parquet, or runs.csv where pyarrow is not installed."""
+    """Write report.md, maps.png and runs.csv."""
     _write_runs(folder, plan, rows)
     metric = next(iter(plan.study.success), plan.study.metrics[0])
     panels = maps_of(plan, rows, metric)
@@ -57,7 +56,7 @@ def report(plan: Plan, rows: Sequence[Row], with_figure: bool) -> str:
             "Each alone: every run between these two values is a success.",
             borne_table(plan, rows),
         ]
-    if study.by_salib:
+    else:
         parts += [f"## Sensitivity of {study.metrics[0]}", sensitivity_table(plan, rows)]
     if with_figure:
         parts += [f"![The metric of success against each value, dashed: the bar of a success]({FIGURE})"]
@@ -152,27 +151,45 @@ def maps_of(plan: Plan, rows: Sequence[Row], metric: str) -> list[ErrorMap]:
 
 
 def sensitivity_table(plan: Plan, rows: Sequence[Row]) -> str:
-    """SALib's indices of each variation for the first metric, by case; runs without it make a case's undefined."""
-    study, metric = plan.study, plan.study.metrics[0]
-    shown = ("S1", "ST") if study.sampler == "sobol" else ("mu_star", "sigma")
+    """Indices of each variation for the first metric, by case; runs without it make a case's undefined.
+
+    SALib's first and total order (sobol), mean and deviation of elementary effects (morris), else Spearman's rank
+    correlation, in which a run without the metric counts as the worst.
+    """
+    study = plan.study
+    shown = {"sobol": ("S1", "ST"), "morris": ("mu_star", "sigma")}.get(study.sampler, ("rank correlation",))
     lines = []
     for case in plan.scenarios:
-        found = [row.metrics.get(metric) for row in rows if row.case == case]
-        values = np.array([value if _is_number(value) else np.nan for value in found])
-        if len(values) < len(plan.design.table) or not np.isfinite(values).all():
-            lines += [(case, name, *["-"] * len(shown)) for name in study.vary]
-            continue
-        if study.sampler == "sobol":
-            indices = salib("analyze.sobol").analyze(
-                problem(study), values, calc_second_order=False, seed=study.seed
-            )
-        else:
-            points = plan.design.table
-            indices = salib("analyze.morris").analyze(problem(study), points, values, seed=study.seed)
+        own = [row for row in rows if row.case == case]
+        values = [row.metrics.get(study.metrics[0]) for row in own]
+        found = np.array([value if _is_number(value) else np.inf for value in values])
+        indices = _indices(plan, own, found)
         for k, name in enumerate(study.vary):
-            cells = [f"{indices[index][k]:.2f}" for index in shown]
+            cells = (f"{indices[index][k]:.2f}" if indices else "-" for index in shown)
             lines.append((case, name, *cells))
     return table(("case", "", *shown), lines)
+
+
+def _indices(plan: Plan, rows: Sequence[Row], found: Any) -> Any:
+    """By name, the indices of the variations; None where they are undefined."""
+    study, points = plan.study, plan.design.table
+    if not study.by_salib:
+        drawn = ([row.sample[name] for row in rows] for name in study.vary)
+        return {"rank correlation": [_rank_correlation(values, found) for values in drawn]}
+    if len(found) < len(points) or not np.isfinite(found).all():
+        return None
+    if study.sampler == "sobol":
+        return salib("analyze.sobol").analyze(problem(study), found, calc_second_order=False, seed=study.seed)
+    return salib("analyze.morris").analyze(problem(study), points, found, seed=study.seed)
+
+
+def _rank_correlation(values: Sequence[Any], found: Any) -> float:
+    """Spearman's; NaN where there are no numbers or nothing varies."""
+    from scipy.stats import spearmanr
+
+    if not all(map(_is_number, values)) or min(len(set(values)), len(set(found))) < 2:
+        return np.nan
+    return float(spearmanr(values, found).statistic)
 
 
 def _write_runs(folder: Path, plan: Plan, rows: Sequence[Row]) -> None:
@@ -191,13 +208,6 @@ def _write_runs(folder: Path, plan: Plan, rows: Sequence[Row]) -> None:
          *(row.metrics.get(name) for name in plan.study.metrics), row.sentence, row.cpu_s]
         for row in rows
     ]  # fmt: skip
-    if find_spec("pyarrow"):
-        import pyarrow
-        from pyarrow import parquet
-
-        arrays = {name: [record[k] for record in records] for k, name in enumerate(columns)}
-        parquet.write_table(pyarrow.table(arrays), folder / "runs.parquet")
-        return
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([columns, *records])
     write_file(folder / "runs.csv", text.getvalue())
