@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import click
 import pytest
 import yaml
 from command_line import invoke as call
@@ -16,6 +17,7 @@ from recordings import without, write_run
 from runs import CART, cart, random_run, run_of
 
 from skydiver_utc.analysis.metrics import metrics
+from skydiver_utc.cli.main import main
 from skydiver_utc.cli.settings import parse_setting
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, scenario_names
@@ -34,21 +36,23 @@ def refused(*arguments: object) -> str:
     return result.stderr.partition("Error: ")[2]
 
 
-PATTERN = [["pattern", name] for name in ("neutral", "design", "show", "extract", "import")]
-OTHERS = [
-    [n] for n in ("analyse", "report", "export", "recover", "scenarios", "trim", "stability", "urdf", "view")
-]
-WITH_EXIT_CODES = [["run"], ["simulate"], ["replay"]]
-
-
-@pytest.mark.parametrize(
-    "command", [[], *WITH_EXIT_CODES, *OTHERS, *PATTERN, ["compare", "paper"], ["study", "run"]]
-)
-def test_every_command_has_help_with_its_exit_codes(command: list[str]) -> None:
-    result = call(*command, "--help")
-    assert result.exit_code == 0
-    assert result.stdout.startswith("Usage: ")
-    assert command not in WITH_EXIT_CODES or "exit code" in result.stdout
+def test_every_command_has_help_and_those_that_fly_their_exit_codes() -> None:
+    context = click.Context(main)
+    commands = [[name] for name in main.list_commands(context)]
+    for (name,) in list(commands):
+        if isinstance(group := main.get_command(context, name), click.Group):
+            commands += [[name, inner] for inner in group.commands]
+    assert ["pattern", "import"] in commands
+    for command in [[], *commands]:
+        result = call(*command, "--help")
+        assert (result.exit_code, result.stdout[:7]) == (0, "Usage: "), command
+        assert "exit code" in result.stdout or command not in (
+            ["run"],
+            ["simulate"],
+            ["replay"],
+            ["study", "run"],
+        )
+    assert call("--version").exit_code == 0
 
 
 def test_help_imports_nothing_but_click() -> None:
@@ -62,22 +66,14 @@ def test_help_imports_nothing_but_click() -> None:
     assert (result.returncode, result.stderr) == (0, "\n")
 
 
-def test_the_version_is_printed() -> None:
-    assert call("--version").exit_code == 0
-
-
 def test_scenarios_are_listed_with_their_titles() -> None:
     titles = json.loads(call("scenarios", "--json").stdout)
     assert list(titles) == scenario_names()
     assert titles["back_layout"] == load_scenario("back_layout").title
     assert all(titles.values())
     assert all(name in call("scenarios").stdout for name in titles)
-
-
-def test_a_scenario_is_shown_with_all_its_settings() -> None:
     shown = call("scenarios", "--show", "back_layout").stdout
     assert from_yaml(shown) == load_scenario("back_layout")
-    assert "nothing" in refused("scenarios", "--show", "nothing")
 
 
 def test_the_urdf_is_that_of_the_scenario_s_plant(tmp_path: Path) -> None:
@@ -113,6 +109,7 @@ def test_wrong_settings_are_refused(setting: str, words: str) -> None:
     ("arguments", "words"),
     [
         (["fly", SCENARIO], "fly"),
+        (["scenarios", "--show", "nothing"], "nothing"),
         (["simulate"], "SCENARIO"),
         (["simulate", "slow_turn_pose"], "slow_turn_pose_only"),
         (["run", "slow_turn_pose"], "slow_turn_pose_only"),
@@ -148,65 +145,48 @@ def test_wrong_input_is_refused(arguments: list[str], words: str) -> None:
     assert words in refused(*arguments)
 
 
-class TestFiles:
-    """Refusals of files and folders."""
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", SCENARIO, "--out", "FOLDER"], "exists"),
+        (["analyse", "FOLDER/empty"], "empty"),
+        (["analyse", "FOLDER"], "MCAP"),
+        (["analyse", "FOLDER/run_0.mcap"], "run folder"),
+        (["analyse", "FOLDER/stateless"], "/skydiver/state"),
+        *(
+            (["pattern", name, "bank_recovery", "--out", "FOLDER/mine.yaml"], "--force")
+            for name in ("neutral", "design")
+        ),
+    ],
+)
+def test_files_that_do_not_fit_are_refused_and_kept(tmp_path: Path, arguments: list[str], words: str) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "run_0.mcap").write_bytes(b"not MCAP at all")
+    (tmp_path / "mine.yaml").write_text("mine", encoding="utf-8")
+    write_run(tmp_path / "stateless", random_run(cart()), without("state"))
+    sentence = refused(*(word.replace("FOLDER", str(tmp_path)) for word in arguments))
+    assert words in sentence
+    assert arguments[-1].replace("FOLDER", str(tmp_path)) in sentence
+    assert (tmp_path / "mine.yaml").read_text(encoding="utf-8") == "mine"
 
-    def test_run_folder_that_exists(self, tmp_path: Path) -> None:
-        assert str(tmp_path) in refused("run", SCENARIO, "--out", tmp_path)
 
-    def test_folder_without_a_bag(self, tmp_path: Path) -> None:
-        assert str(tmp_path) in refused("analyse", tmp_path)
-
-    def test_file_that_is_no_bag(self, tmp_path: Path) -> None:
-        (tmp_path / "run_0.mcap").write_bytes(b"not MCAP at all")
-        assert "MCAP" in refused("analyse", tmp_path)
-        assert "run folder" in refused("analyse", tmp_path / "run_0.mcap")
-
-    def test_bag_of_a_run_without_its_states(self, tmp_path: Path) -> None:
-        folder = write_run(tmp_path / "run", random_run(cart()), without("state"))
-        assert "/skydiver/state" in refused("analyse", folder)
-
-    @pytest.mark.parametrize("command", ["neutral", "design"])
-    def test_a_file_that_exists(self, command: str, tmp_path: Path) -> None:
-        (tmp_path / "mine.yaml").write_text("mine", encoding="utf-8")
-        sentence = refused("pattern", command, "bank_recovery", "--out", tmp_path / "mine.yaml")
-        assert "mine.yaml" in sentence
-        assert "--force" in sentence
-
-
-class TestOtherPlants:
-    """A scenario whose plant is not a skydiver."""
-
-    @pytest.fixture
-    def scenario(self, tmp_path: Path) -> Path:
-        content = yaml.safe_load(CART)
-        content["reference"] = {"kind": "constant", "values": {"yaw_rate": 0.0}}
-        (tmp_path / "cart.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
-        return tmp_path / "cart.yaml"
-
-    @pytest.mark.parametrize(
-        "command",
-        [
-            ["trim", "--scenario"],
-            ["pattern", "show", "turn", "--scenario"],
-            ["pattern", "neutral"],
-            ["stability"],
-        ],
-    )
-    def test_commands_for_the_skydiver_refuse_it(self, command: list[str], scenario: Path) -> None:
-        sentence = refused(*command, scenario)
-        assert "skydiver" in sentence
-        assert "linear" in sentence
-
-    def test_an_output_that_the_plant_does_not_have_is_named(self, scenario: Path) -> None:
-        sentence = refused("simulate", scenario)
-        assert "yaw_rate" in sentence
-        assert "place, speed" in sentence
-
-    def test_a_module_that_cannot_be_found_is_named(self, scenario: Path) -> None:
-        sentence = refused("simulate", scenario, "--set", "plant={kind: my_module:MyPlant}")
-        assert "my_module" in sentence
-        assert "PYTHONPATH" in sentence
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        *((command.split(), ("skydiver", "linear")) for command in (
+            "trim --scenario CART", "pattern show turn --scenario CART", "pattern neutral CART", "stability CART",
+        )),
+        (["simulate", "CART"], ("yaw_rate", "place, speed")),
+        (["simulate", "CART", "--set", "plant={kind: my_module:MyPlant}"], ("my_module", "PYTHONPATH")),
+    ],
+)  # fmt: skip
+def test_what_another_plant_does_not_have_is_named(
+    tmp_path: Path, command: list[str], words: tuple[str, str]
+) -> None:
+    content = yaml.safe_load(CART) | {"reference": {"kind": "constant", "values": {"yaw_rate": 0.0}}}
+    (tmp_path / "cart.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    sentence = refused(*(word.replace("CART", str(tmp_path / "cart.yaml")) for word in command))
+    assert all(word in sentence for word in words)
 
 
 @pytest.mark.parametrize(
@@ -240,25 +220,20 @@ def test_simulate_prints_a_table_or_one_json_object_and_draws(tmp_path: Path) ->
     assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("outcome", Outcome)
-def test_the_exit_code_is_that_of_the_outcome(monkeypatch: pytest.MonkeyPatch, outcome: Outcome) -> None:
-    def ended(*_: Any) -> Any:
-        return run_of(outcome=outcome)
+@pytest.mark.parametrize("ended", [*Outcome, KeyboardInterrupt()])
+def test_the_exit_code_is_that_of_the_end(monkeypatch: pytest.MonkeyPatch, ended: Any) -> None:
+    def end(*_: Any) -> Any:
+        if isinstance(ended, Outcome):
+            return run_of(outcome=ended)
+        raise ended
 
-    monkeypatch.setattr("skydiver_utc.loop.closed_loop.simulate", ended)
+    monkeypatch.setattr("skydiver_utc.loop.closed_loop.simulate", end)
     result = call("simulate", SCENARIO, "--json")
-    to_its_end = outcome in (Outcome.COMPLETED, Outcome.ROLLED_OVER)
-    assert (result.exit_code, json.loads(result.stdout)["outcome"]) == (0 if to_its_end else 1, outcome.value)
-
-
-def test_ctrl_c_ends_a_simulation_without_a_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*_: Any) -> Any:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("skydiver_utc.loop.closed_loop.simulate", interrupted)
-    result = call("simulate", SCENARIO)
-    assert result.exit_code == 130
-    assert "Traceback" not in result.stderr
+    if isinstance(ended, Outcome):
+        code = 0 if ended in (Outcome.COMPLETED, Outcome.ROLLED_OVER) else 1
+        assert (result.exit_code, json.loads(result.stdout)["outcome"]) == (code, ended.value)
+    else:
+        assert (result.exit_code, "Traceback" in result.stderr) == (130, False)
 
 
 def test_analyse_makes_metrics_figure_and_report_from_the_bag_alone(tmp_path: Path) -> None:
@@ -273,12 +248,8 @@ def test_analyse_makes_metrics_figure_and_report_from_the_bag_alone(tmp_path: Pa
     first = [path.read_bytes() for path in made]
     assert "completed" in call("analyse", folder).stdout
     assert [path.read_bytes() for path in made] == first
-
-
-def test_analyse_of_an_aborted_run_is_no_failure(tmp_path: Path) -> None:
-    folder = write_run(tmp_path / "run", random_run(cart()), without("outcome"))
-    result = call("analyse", folder, "--json")
-    assert (result.exit_code, json.loads(result.stdout)["outcome"]) == (0, "aborted")
+    aborted = call("analyse", write_run(tmp_path / "aborted", run, without("outcome")), "--json")
+    assert (aborted.exit_code, json.loads(aborted.stdout)["outcome"]) == (0, "aborted")
 
 
 class TestTrim:

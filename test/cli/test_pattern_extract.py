@@ -5,13 +5,12 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import invoke
 from postures import NAMES, csv_of, direction_of, neutral
 from recordings import bag_of_postures
 
 from skydiver_utc.body.posture import pattern_direction, posture_angles
 from skydiver_utc.body.principal_components import principal_components
-from skydiver_utc.cli.main import main
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import load_scenario
 from skydiver_utc.parameters.yaml_io import read_yaml
@@ -19,7 +18,7 @@ from skydiver_utc.plants.skydiver.pattern_kinds import PATTERN_KINDS
 
 
 def extract(source, *arguments):
-    result = CliRunner().invoke(main, ["pattern", "extract", str(source), *arguments])
+    result = invoke("pattern", "extract", source, *arguments)
     assert result.exit_code == 0, result.output
     return result.stdout
 
@@ -30,16 +29,14 @@ def components(path):
     ).ravel()
 
 
-def fast_turn():
-    """Postures (n, 45) of the fast turn over 5 s, every eighth step, as the node sends them."""
-    scenario = load_scenario("fast_turn_unknown_dynamics", {"duration_s": 5.0})
-    run = simulate(scenario)
-    return np.array([run.plant.joint_angles(applied) for applied in run.applied[::8]])
+def posture_of(path):
+    return posture_angles(load_scenario("bank_recovery", {"plant.posture": str(path)}).plant.posture).ravel()
 
 
 def test_the_fast_turn_gives_its_pattern_back(tmp_path):
-    """From a bag: the direction to rounding, all of the variance, and the sign that turns left."""
-    postures = fast_turn()
+    """From a bag, every eighth step: the direction to rounding, all of the variance, the sign that turns left."""
+    run = simulate(load_scenario("fast_turn_unknown_dynamics", {"duration_s": 5.0}))
+    postures = np.array([run.plant.joint_angles(applied) for applied in run.applied[::8]])
     out, mean = tmp_path / "extracted.yaml", tmp_path / "mean.yaml"
     bag = bag_of_postures(tmp_path / "run", postures, NAMES)
     printed = extract(bag, "--out", str(out), "--mean", str(mean))
@@ -50,8 +47,7 @@ def test_the_fast_turn_gives_its_pattern_back(tmp_path):
     content = read_yaml(out)
     assert content["name"] == "extracted"
     assert "explains 1.0000 of the variance" in content["source"]
-    found = posture_angles(load_scenario("bank_recovery", {"plant.posture": str(mean)}).plant.posture).ravel()
-    np.testing.assert_allclose(found, postures.mean(axis=0), atol=1e-10)
+    np.testing.assert_allclose(posture_of(mean), postures.mean(axis=0), atol=1e-10)
 
 
 @pytest.mark.parametrize("name", PATTERN_KINDS)
@@ -114,48 +110,39 @@ def test_what_was_not_recorded_is_the_scenario_s_posture(tmp_path):
     degrees = np.deg2rad([[0.0, 0.0], [10.0, -10.0], [20.0, -20.0]])
     out, mean = tmp_path / "hips.yaml", tmp_path / "mean.yaml"
     extract(csv_of(tmp_path / "hips.csv", degrees, names), "--out", str(out), "--mean", str(mean))
-    expected = np.zeros(45)
-    expected[[NAMES.index(name) for name in names]] = np.array([1.0, -1.0]) / np.sqrt(2.0)
+    expected, changed = np.zeros(45), neutral().copy()
+    hips = [NAMES.index(name) for name in names]
+    expected[hips] = np.array([1.0, -1.0]) / np.sqrt(2.0)
     np.testing.assert_allclose(components(out), expected, atol=1e-8)
-    posture = posture_angles(
-        load_scenario("bank_recovery", {"plant.posture": str(mean)}).plant.posture
-    ).ravel()
-    changed = neutral().copy()
-    changed[[NAMES.index(name) for name in names]] = np.deg2rad([10.0, -10.0])
-    np.testing.assert_allclose(posture, changed, atol=1e-10)
+    changed[hips] = np.deg2rad([10.0, -10.0])
+    np.testing.assert_allclose(posture_of(mean), changed, atol=1e-10)
+
+
+STILL = neutral() + np.deg2rad(0.09) * np.random.default_rng(1).random((4, 45))
 
 
 @pytest.mark.parametrize(
     ("postures", "arguments", "words"),
     [
-        (neutral() + np.deg2rad(0.09) * np.random.default_rng(1).random((4, 45)), [], "do not move"),
+        (STILL, [], "do not move"),
         (two_patterns()[0], ["--component", "4"], "move along 3 directions"),
         (two_patterns()[0], ["--component", "0"], "--component"),
         (two_patterns()[0], ["--out", "pattern.txt"], "must end in .yaml"),
         (two_patterns()[0], ["--mean", "nowhere/mean.yaml"], "a folder that exists"),
+        (two_patterns()[0], ["--out", "two.yaml", "--mean", "./two.yaml"], "--mean"),
+        (two_patterns()[0], ["--out", "mine.yaml"], "add --force"),
+        (two_patterns()[0], ["--mean", "mine.yaml"], "add --force"),
     ],
 )
-def test_what_cannot_be_extracted_is_refused(tmp_path, postures, arguments, words):
-    source = csv_of(tmp_path / "moved.csv", postures)
-    result = CliRunner().invoke(main, ["pattern", "extract", str(source), *arguments])
-    assert result.exit_code == 2
-    assert words in result.output
-
-
-def test_out_and_mean_are_two_files(tmp_path):
-    path = csv_of(tmp_path / "two.csv", two_patterns()[0])
-    same = ["--out", str(tmp_path / "q.yaml"), "--mean", f"{tmp_path}/./q.yaml"]
-    result = CliRunner().invoke(main, ["pattern", "extract", str(path), *same])
-    assert (result.exit_code, "--mean" in result.output) == (2, True)
-    assert not (tmp_path / "q.yaml").exists()
-
-
-@pytest.mark.parametrize("option", ["--out", "--mean"])
-def test_a_file_that_exists_is_kept_unless_forced(option, tmp_path):
-    path, mine = csv_of(tmp_path / "two.csv", two_patterns()[0]), tmp_path / "mine.yaml"
+def test_what_cannot_be_extracted_is_refused(tmp_path, monkeypatch, postures, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    source, mine = csv_of(tmp_path / "moved.csv", postures), tmp_path / "mine.yaml"
     mine.write_text("mine", encoding="utf-8")
-    result = CliRunner().invoke(main, ["pattern", "extract", str(path), option, str(mine)])
-    assert (result.exit_code, "add --force" in result.output) == (2, True)
+    result = invoke("pattern", "extract", source, *arguments)
+    assert result.exit_code == 2
+    assert words in result.stderr
+    assert [path.name for path in tmp_path.glob("*.yaml")] == ["mine.yaml"]
     assert mine.read_text(encoding="utf-8") == "mine"
-    extract(path, option, str(mine), "--force")
-    assert mine.read_text(encoding="utf-8") != "mine"
+    if "mine.yaml" in arguments:
+        extract(source, *arguments, "--force")
+        assert mine.read_text(encoding="utf-8") != "mine"
