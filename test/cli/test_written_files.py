@@ -26,16 +26,13 @@ def scenario(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.fixture
-def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_leaves_the_old_file_and_one_sentence(
+    scenario: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def no_space(_: int) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", no_space)
-
-
-@pytest.mark.usefixtures("full_disk")
-def test_a_full_disk_leaves_the_old_file_and_one_sentence(scenario: Path, tmp_path: Path) -> None:
     figure = tmp_path / "figure.png"
     figure.write_bytes(b"old")
     result = invoke("simulate", scenario, "--quiet", "--figure", figure)
@@ -69,24 +66,18 @@ def test_a_folder_is_there_as_a_whole_or_not_at_all(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "made").iterdir()] == ["part"]
 
 
-def test_a_link_is_replaced_and_not_followed(tmp_path: Path) -> None:
-    own, link = tmp_path / "own.txt", tmp_path / "link"
+def test_a_link_is_replaced_a_pipe_and_a_device_are_written_to(tmp_path: Path) -> None:
+    own, link, pipe = (tmp_path / name for name in ("own.txt", "link", "pipe"))
     own.write_text("mine")
     link.symlink_to(own)
     write_file(link, "new")
     assert (own.read_text(), link.read_text(), link.is_symlink()) == ("mine", "new", False)
-
-
-def test_a_pipe_and_a_device_are_written_to(tmp_path: Path) -> None:
-    pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
-    write_file(pipe, "new")
-    assert os.read(reader, 9) == b"new"
-    assert pipe.is_fifo()
+    for special in (pipe, Path(os.devnull)):
+        write_file(special, "new")
+    assert (os.read(reader, 9), pipe.is_fifo(), Path(os.devnull).is_char_device()) == (b"new", True, True)
     os.close(reader)
-    write_file(Path(os.devnull), "new")
-    assert Path(os.devnull).is_char_device()
 
 
 def test_links_in_a_run_folder_lead_nowhere(tmp_path: Path) -> None:
@@ -123,11 +114,10 @@ def test_a_locale_without_a_character_gets_another_one(scenario: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["[/b]x", "$\\frac$ %s {0}"])
-def test_a_name_is_text_everywhere(tmp_path: Path, name: str) -> None:
-    path = tmp_path / "cart.yaml"
-    path.write_text(FLOWN.replace("name: cart", f"name: {json.dumps(name)}"))
-    path.write_text(path.read_text().replace("title: A cart on rails", f"title: {json.dumps(name)}"))
-    result = invoke("simulate", path, "--figure", tmp_path / "figure.png")
+def test_a_name_is_text_everywhere(scenario: Path, tmp_path: Path, name: str) -> None:
+    text = FLOWN.replace("name: cart", f"name: {json.dumps(name)}")
+    scenario.write_text(text.replace("title: A cart on rails", f"title: {json.dumps(name)}"))
+    result = invoke("simulate", scenario, "--figure", tmp_path / "figure.png")
     assert result.exit_code == 0, result.output
     assert name in result.output
 
@@ -136,8 +126,7 @@ def test_a_name_is_text_everywhere(tmp_path: Path, name: str) -> None:
 @pytest.mark.long
 def test_a_name_is_text_at_a_terminal(scenario: Path) -> None:
     scenario.write_text(FLOWN.replace("name: cart", "name: '[/b]x'"))
-    command = (sys.executable, "-m", "skydiver_utc", "simulate", str(scenario))
-    script = ["script", "-qec", " ".join(command), "/dev/null"]
+    script = ["script", "-qec", f"{sys.executable} -m skydiver_utc simulate {scenario}", "/dev/null"]
     done = subprocess.run(script, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
     assert "completed" in done.stdout
 
