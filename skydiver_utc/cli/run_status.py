@@ -20,7 +20,7 @@ from skydiver_utc.parameters import Scenario
 from skydiver_utc.parameters.registry import factory
 from skydiver_utc.references.live import Live as LiveReference
 
-_COLUMNS = ("run", "phase", ">simulated", ">rate", ">error", "controls", ">late answers")
+_COLUMNS = ("run", "phase", "simulated", "rate", "error", "controls", "late answers")
 # Between two plain lines of a run; the first of them, so that a short run has none.
 LINE_PERIOD_S = 10.0
 

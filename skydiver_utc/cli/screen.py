@@ -9,13 +9,9 @@ from typing import TYPE_CHECKING, Any
 from skydiver_utc.cli.errors import printable
 
 if TYPE_CHECKING:
-    from rich.progress import Progress, ProgressColumn
     from rich.table import Table
     from rich.text import Text
 
-    from skydiver_utc.parameters import Scenario
-
-Progressed = Callable[[int, int], None]  # called with (steps done, steps in all)
 # Wider than any table [columns].
 _WIDEST = 1000
 # By the ending of a name.
@@ -26,59 +22,41 @@ _UNITS = {
 
 
 @contextmanager
-def run_progress(scenario: "Scenario", quiet: bool) -> Iterator[Progressed]:
-    """A bar for the steps of a run; none when quiet or when stderr is no terminal."""
-    from rich.progress import TextColumn
-
-    columns = (
-        TextColumn("{task.percentage:>3.0f} %"),
-        TextColumn("{task.fields[done]:.1f} of {task.fields[whole]:g} s simulated"),
-    )
-    with _bars(columns, quiet) as bars:
-        task = bars.add_task("getting ready", total=scenario.steps, done=0.0, whole=scenario.duration_s)
-        yield lambda step, steps: bars.update(
-            task, description=scenario.name, completed=step, total=steps, done=step * scenario.dt_s
-        )
-
-
-@contextmanager
 def count_progress(description: str, total: int, quiet: bool) -> Iterator[Callable[..., None]]:
     """A bar for `total` items, called with those done and, where it changes, the description.
 
     None when quiet or when stderr is no terminal.
     """
-    from rich.progress import MofNCompleteColumn, TimeRemainingColumn
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    with _bars((MofNCompleteColumn(), TimeRemainingColumn()), quiet) as bars:
+    console = Console(stderr=True)
+    # Older versions of rich end a disabled bar with an empty line.
+    console.quiet = quiet or not console.is_terminal
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, transient=True, disable=console.quiet) as bars:
         task = bars.add_task(description, total=total)
         yield lambda done, now=None: bars.update(task, completed=done, description=now)
 
 
-def _bars(columns: Sequence["ProgressColumn"], quiet: bool) -> "Progress":
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    console = Console(stderr=True)
-    every = (TextColumn("{task.description}", markup=False), BarColumn(), *columns, TimeElapsedColumn())
-    # Older versions of rich end a disabled bar with an empty line.
-    console.quiet = quiet or not console.is_terminal
-    return Progress(*every, console=console, transient=True, disable=console.quiet)
-
-
 def table(title: str, *columns: str, **options: Any) -> "Table":
-    """A table; a column whose heading begins with ">" is set to the right."""
+    """A table with these headings."""
     from rich.table import Table
     from rich.text import Text
 
-    made = Table(title=Text(title) if title else None, title_justify="left", title_style="bold", **options)
-    for column in columns:
-        made.add_column(column.removeprefix(">"), justify="right" if column.startswith(">") else "left")
-    return made
+    return Table(
+        *columns, title=Text(title) if title else None, title_justify="left", title_style="bold", **options
+    )
 
 
-def facts(title: str = "", **options: Any) -> "Table":
+def facts(title: str = "") -> "Table":
     """A table of three columns without headings: a name, a value, and its unit or a remark."""
-    made = table(title, show_header=False, **options)
+    made = table(title, show_header=False)
     made.add_column(no_wrap=True)
     made.add_column(justify="right", overflow="fold")
     made.add_column(style="dim")

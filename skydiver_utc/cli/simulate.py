@@ -9,7 +9,7 @@ import click
 
 from skydiver_utc.cli import options
 from skydiver_utc.cli.outputs import check_figure_path, form_of
-from skydiver_utc.cli.screen import run_progress, show_metrics
+from skydiver_utc.cli.screen import count_progress, show_metrics
 from skydiver_utc.cli.settings import load
 from skydiver_utc.errors import FAILED
 
@@ -51,8 +51,8 @@ def fly(scenario: "Scenario", title: str, as_json: bool, quiet: bool) -> tuple["
     from skydiver_utc.analysis.metrics import metrics, to_json
     from skydiver_utc.loop.closed_loop import simulate
 
-    with run_progress(scenario, quiet) as progress:
-        run = simulate(scenario, progress)
+    with count_progress(f"{scenario.name}, steps", scenario.steps, quiet) as progress:
+        run = simulate(scenario, lambda step, _: progress(step))
     values = metrics(run)
     if as_json:
         print(to_json(values))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from skydiver_utc.cli import options
-from skydiver_utc.cli.screen import run_progress, show_values
+from skydiver_utc.cli.screen import count_progress, show_values
 from skydiver_utc.cli.settings import load_skydiver
 
 if TYPE_CHECKING:
@@ -62,8 +62,8 @@ def trim(
         from skydiver_utc.studies.reachable import reachable_amplitude, tracked
 
         def is_tracked(turn: "Scenario") -> bool:
-            with run_progress(turn, quiet) as progress:
-                return tracked(turn, progress)
+            with count_progress(f"{turn.name}, steps", turn.steps, quiet) as progress:
+                return tracked(turn, lambda step, _: progress(step))
 
         values["reachable_turn_deg_s"] = reachable_amplitude(loaded, is_tracked)
     show_values(values, as_json, *_LEFT_OUT)

@@ -37,6 +37,7 @@ def page(results: PaperResults) -> str:
     """The claims and the paper's figures."""
     claims = checklist(results)
     counts = Counter(claim.verdict for claim in claims)
+    counted = ", ".join(f"{counts[verdict]} {verdict.value}" for verdict in Verdict if counts[verdict])
     rows = [(claim.words, f"**{claim.verdict.value}**", claim.measured, claim.why or "-") for claim in claims]
     quick = f"\n**{QUICK_WARNING}**\n" if results.quick else ""
     return f"""# The paper's results, run again
@@ -51,7 +52,7 @@ other figure: [details](details.md).
 
 ## Claims
 
-Of {len(claims)}: {counted(counts)}.
+Of {len(claims)}: {counted}.
 
 {table(("the paper says", "", "measured", "remark"), rows)}
 ## The paper's figures
@@ -158,13 +159,3 @@ def _variants(results: PaperResults) -> str:
         rows.append((variant.point, variant.printed, variant.happens or "-", variant.working, *measured))
     head = ("point", "other variant", "what happens then", "default", "code", "RMSE", "RMSE, default")
     return table(head, rows)
-
-
-def counted(counts: Counter[Verdict]) -> str:
-    """The number of claims with each verdict, in words."""
-    plural = {Verdict.HOLDS: "hold", Verdict.PARTLY: "hold partly", Verdict.FAILS: "do not hold"}
-    single = {Verdict.HOLDS: "holds", Verdict.PARTLY: "holds partly", Verdict.FAILS: "does not hold"}
-    found = [(counts[verdict], verdict) for verdict in Verdict if counts[verdict]]
-    return ", ".join(
-        f"{n} {(single if n == 1 else plural).get(verdict, verdict.value)}" for n, verdict in found
-    )

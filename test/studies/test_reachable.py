@@ -6,10 +6,9 @@ import re
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from command_line import invoke
 from skydivers import skydiver
 
-from skydiver_utc.cli.main import main
 from skydiver_utc.parameters.loading import config_folder
 from skydiver_utc.studies.reachable import fast_turn, reachable_amplitude, tracked
 
@@ -17,14 +16,12 @@ SUBJECTS = sorted(path.stem for path in (config_folder() / "subjects").glob("*.y
 SUITS = sorted(path.stem for path in (config_folder() / "suits").glob("*.yaml"))
 
 
-def table():
-    """Amplitude by subject, suit and posture, from docs/model.md."""
-    text = (Path(__file__).parents[2] / "docs" / "model.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `(\w+)` \| `(\w+)` \| `(\w+)` \|.* (\d+) \|$", text, re.MULTILINE)
-    return {tuple(names): int(amplitude) for *names, amplitude in rows}
-
-
-AMPLITUDES = table()
+ROWS = re.findall(
+    r"^\| `(\w+)` \| `(\w+)` \| `(\w+)` \|.* (\d+) \|$",
+    (Path(__file__).parents[2] / "docs" / "model.md").read_text(encoding="utf-8"),
+    re.MULTILINE,
+)
+AMPLITUDES = {tuple(names): int(amplitude) for *names, amplitude in ROWS}  # by subject, suit and posture
 
 
 def scenario_of(subject, suit, posture):
@@ -77,19 +74,10 @@ def test_the_fast_turn_is_the_subject_s_own():
     larger = heavy.plant.damping
     assert larger.reference_length_m == pytest.approx(1.88)
     assert larger.reference_area_m2 == pytest.approx(1.4 * (98 / 80 * 1.88 / 1.78) ** 0.5)
-
-
-def test_the_damping_of_the_fast_turn_is_the_same_in_every_suit():
-    """Whatever subject a suit's areas are written for."""
-    damping = [fast_turn(scenario_of("average", suit, "neutral")).plant.damping for suit in SUITS]
-    assert all(other == damping[0] for other in damping)
+    # Whatever subject a suit's areas are written for.
+    assert all(fast_turn(scenario_of("average", suit, "neutral")).plant.damping == damping for suit in SUITS)
 
 
 def test_trim_prints_the_amplitude_if_asked(monkeypatch):
     monkeypatch.setattr("skydiver_utc.studies.reachable.tracked", lambda turn, _: "240" not in turn.name)
-
-    def trim(*arguments):
-        return json.loads(CliRunner().invoke(main, ["trim", "--json", *arguments]).stdout)
-
-    assert trim("--reachable")["reachable_turn_deg_s"] == 230
-    assert "reachable_turn_deg_s" not in trim()
+    assert json.loads(invoke("trim", "--json", "--reachable").stdout)["reachable_turn_deg_s"] == 230

@@ -19,6 +19,7 @@ from child_processes import children
 from command_line import PATIENCE_S, invoke, start
 from matplotlib.image import imread
 from runs import CART
+from scipy.stats import spearmanr
 
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.parameters.loading import config_folder
@@ -173,38 +174,59 @@ def test_the_studies_of_the_package_can_be_flown_and_no_other() -> None:
             assert plan.scenario(number).duration_s == 20.0
 
 
+def flown(*arguments: object, exit_code: int = 0) -> Any:
+    """`study` with these arguments."""
+    alone = ("--workers", 1) if arguments[0] == "run" else ()
+    result = invoke("study", *arguments, *alone)
+    assert result.exit_code == exit_code, result.output
+    assert "Traceback" not in result.output
+    return result
+
+
 class TestRuns:
-    def test_a_study_is_resumed_and_reported(self, tmp_path: Path) -> None:
+    def test_a_study_is_resumed_reported_and_shown(self, tmp_path: Path) -> None:
         out = tmp_path / "out"
-        assert (
-            invoke("study", "run", study_file(tmp_path, runs=2), "--out", out, "--workers", 1).exit_code == 0
-        )
-        first = rows(out)
-        assert invoke("study", "run", study_file(tmp_path), "--out", out, "--workers", 1).exit_code == 0
+        flown("run", study_file(tmp_path, runs=2), "--out", out)
+        first, path = rows(out), study_file(tmp_path)
+        flown("run", path, "--out", out)
         found = rows(out)
         assert list(found) == list(range(12))
         assert first.items() <= found.items()
         report = (out / "report.md").read_text(encoding="utf-8")
-        assert "| light | 6 |" in report
-        assert "| heavy | 6 |" in report
+        pairs = [
+            (json.loads(row[1])["start"], json.loads(row[3])["outputs.place.rmse"]) for row in found.values()
+        ]
+        correlation = spearmanr(*zip(*pairs[::2], strict=True)).statistic
+        for words in ("| light | 6 |", "| heavy | 6 |", f"| light | start | {correlation:.2f} |"):
+            assert words in report
         assert imread(out / "maps.png").shape[1] > 600
-        assert (out / "runs.parquet").is_file() or len(list(csv.reader((out / "runs.csv").open()))) == 13
+        with (out / "runs.csv").open(encoding="utf-8") as file:
+            table = list(csv.DictReader(file))
+        assert [float(row["start"]) for row in table] == [
+            json.loads(row[1])["start"] for row in found.values()
+        ]
 
-    def test_a_ledger_of_another_study_is_refused(self, tmp_path: Path) -> None:
-        invoke("study", "run", study_file(tmp_path, runs=1), "--out", tmp_path, "--workers", 1)
-        before = rows(tmp_path)
-        result = invoke("study", "run", study_file(tmp_path, seed=6), "--out", tmp_path, "--workers", 1)
-        assert result.exit_code == 2
+        result = flown("run", study_file(tmp_path, seed=6), "--out", out, exit_code=2)
         assert "ledger" in result.stderr
-        assert rows(tmp_path) == before
+        assert rows(out) == found
+
+        path = study_file(tmp_path)
+        shown = json.loads(flown("show", path, 3, "--out", out, "--json").stdout)
+        assert shown["outputs"]["place"]["rmse"] == json.loads(found[3][3])["outputs.place.rmse"]
+        again = json.loads(invoke("simulate", out / "run_3.yaml", "--json", "--quiet").stdout)
+        assert again["outputs"] == shown["outputs"]
+        flown("show", path, 99, "--out", out, exit_code=2)
+        connection = sqlite3.connect(out / "ledger.sqlite")
+        connection.execute("update runs set metrics = '{}' where number = 3")
+        connection.commit()
+        flown("show", path, 3, "--out", out, "--json", exit_code=1)
 
     def test_it_stops_when_the_interval_is_narrow(self, tmp_path: Path) -> None:
-        path = study_file(tmp_path, runs=500)
-        assert invoke("study", "run", path, "--out", tmp_path, "--workers", 1, "--until", 0.5).exit_code == 0
-        flown = len(rows(tmp_path))
-        assert 8 <= flown < 60
+        flown("run", study_file(tmp_path, runs=500), "--out", tmp_path, "--until", 0.5)
+        count = len(rows(tmp_path))
+        assert 8 <= count < 60
         text = (tmp_path / "report.md").read_text(encoding="utf-8")
-        assert int(text.split(" runs,")[0].split()[-1]) <= flown
+        assert int(text.split(" runs,")[0].split()[-1]) <= count
 
     def test_a_run_that_raises_is_a_row_and_the_exit_code_says_so(self, tmp_path: Path) -> None:
         (tmp_path / "own_trap.py").write_text(TRAP, encoding="utf-8")
@@ -214,36 +236,18 @@ class TestRuns:
             set={"disturbances": [{"kind": "own_trap:Trap", "above": 0.0}]},
             vary={"trap": {"settings": ["disturbances.0.above"], "uniform": [0.0, 1.0]}},
         )
-        result = invoke("study", "run", path, "--out", tmp_path, "--workers", 1)
-        assert result.exit_code == 1, result.output
-        failed = [row for row in rows(tmp_path).values() if row[2] == "failed"]
-        assert {json.loads(row[1])["trap"] > 0.8 for row in failed} == {True}
-        assert all("the trap is shut" in row[4] for row in failed)
+        flown("run", path, "--out", tmp_path, exit_code=1)
+        failed = {number: row for number, row in rows(tmp_path).items() if row[2] == "failed"}
+        assert all(
+            json.loads(row[1])["trap"] > 0.8 and "the trap is shut" in row[4] for row in failed.values()
+        )
         assert 0 < len(failed) < 20
         connection = sqlite3.connect(tmp_path / "ledger.sqlite")
         (trace,) = connection.execute("select trace from runs where outcome = 'failed'").fetchone()
         assert "ZeroDivisionError" in trace
         assert "own_trap.py" in trace
-        number = next(n for n, row in rows(tmp_path).items() if row[2] == "failed")
-        result = invoke("study", "show", path, number, "--out", tmp_path)
-        assert result.exit_code == 1
-        assert "the trap is shut" in result.stderr
-        assert "Traceback" not in result.output
-
-    def test_show_flies_a_run_again(self, tmp_path: Path) -> None:
-        path = study_file(tmp_path, runs=2)
-        invoke("study", "run", path, "--out", tmp_path, "--workers", 1)
-        result = invoke("study", "show", path, 3, "--out", tmp_path, "--json")
-        assert result.exit_code == 0, result.output
-        shown, kept = json.loads(result.stdout), json.loads(rows(tmp_path)[3][3])
-        assert shown["outputs"]["place"]["rmse"] == kept["outputs.place.rmse"]
-        again = json.loads(invoke("simulate", tmp_path / "run_3.yaml", "--json", "--quiet").stdout)
-        assert again["outputs"] == shown["outputs"]
-        assert invoke("study", "show", path, 99, "--out", tmp_path).exit_code == 2
-        connection = sqlite3.connect(tmp_path / "ledger.sqlite")
-        connection.execute("update runs set metrics = '{}' where number = 3")
-        connection.commit()
-        assert invoke("study", "show", path, 3, "--out", tmp_path, "--json").exit_code == 1
+        shown = flown("show", path, min(failed), "--out", tmp_path, exit_code=1)
+        assert "the trap is shut" in shown.stderr
 
 
 def ended(folder: Path, least: int, process: "subprocess.Popen[str]") -> None:
@@ -290,7 +294,7 @@ class TestProcesses:
         assert 3 <= len(kept) < 200
         path.write_text(path.read_text(encoding="utf-8").replace("runs: 100", "runs: 4"), encoding="utf-8")
         for out in (tmp_path, tmp_path / "alone"):
-            assert invoke("study", "run", path, "--out", out, "--workers", 1).exit_code == 0
+            flown("run", path, "--out", out)
         resumed, alone = rows(tmp_path), rows(tmp_path / "alone")
         assert kept.items() <= resumed.items()
         assert alone == {number: resumed[number] for number in alone}  # of two workers, and of one
@@ -331,7 +335,7 @@ class TestProcesses:
         assert len(finished) >= 6
         assert "failed" not in {row[2] for row in finished.values()}
         path.write_text(path.read_text(encoding="utf-8").replace("runs: 100", "runs: 2"), encoding="utf-8")
-        assert invoke("study", "run", path, "--out", tmp_path / "here", "--workers", 1).exit_code == 0
+        flown("run", path, "--out", tmp_path / "here")
         here = rows(tmp_path / "here")
         assert {n: finished[n] for n in here if n in finished} == {n: here[n] for n in here if n in finished}
 
@@ -376,7 +380,7 @@ class TestReport:
                 "friction": {"settings": ["plant.A.1.1"], "uniform": [-0.2, -0.1]},
             },
         )  # fmt: skip
-        assert invoke("study", "run", path, "--out", tmp_path, "--workers", 1).exit_code == 0
+        flown("run", path, "--out", tmp_path)
         lines = (tmp_path / "report.md").read_text(encoding="utf-8").splitlines()
         start, friction = (
             float(next(line for line in lines if line.startswith(f"| light | {name} |")).split("|")[3])
