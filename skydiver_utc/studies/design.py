@@ -73,7 +73,7 @@ class Design:
         for name, value in sample.values.items():
             one = self.study.vary[name]
             for setting in one.settings:
-                found[setting] = value * _number_at(own, setting, name) if one.times else value
+                found[setting] = value * number_at(own, setting) if one.times else value
         return found
 
 
@@ -82,28 +82,24 @@ def own_value(variation: Variation, own: Mapping[str, Any]) -> float | None:
     if variation.times:
         return 1.0
     try:
-        return _number_at(own, variation.settings[0], "")
+        return number_at(own, variation.settings[0])
     except ParameterError:
         return None
 
 
-def _number_at(content: Mapping[str, Any], setting: str, name: str) -> float:
+def number_at(content: Mapping[str, Any], setting: str) -> float:
     """The number that a resolved scenario has at a setting; the plant's where `truth` says nothing else."""
+    value: Any = content
     try:
-        value = _at(content, setting)
+        for part in setting.split("."):
+            value = value[int(part) if isinstance(value, list) and part.isdecimal() else part]
     except (LookupError, TypeError):
         value = None
         if setting.startswith("truth."):
-            return _number_at(content, setting.replace("truth", "plant", 1), name)
+            return number_at(content, setting.replace("truth", "plant", 1))
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ParameterError(f"{name} varies {setting}, which is no number of the scenario")
+        raise ParameterError(f"{setting} is no number of the scenario: it cannot be varied by a factor")
     return float(value)
-
-
-def _at(content: Any, setting: str) -> Any:
-    for part in setting.split("."):
-        content = content[int(part) if isinstance(content, list) and part.isdecimal() else part]
-    return content
 
 
 def _inside(share: float) -> float:

@@ -2,16 +2,14 @@
 """Sensitivity of the paper's results to the plant's calibration: the same flights with its numbers up to 10 % off."""
 
 from collections.abc import Mapping, Sequence
-from functools import reduce
 from itertools import islice
-from operator import getitem
-from typing import Any
 
 import numpy as np
 
 from skydiver_utc.parameters import Parameters, Scenario, override
 from skydiver_utc.plants.skydiver.trim import in_straight_fall
 from skydiver_utc.studies.cases import Measures
+from skydiver_utc.studies.design import number_at
 from skydiver_utc.studies.markdown import figure, percent, table
 from skydiver_utc.studies.paper_cases import BARS, CONVERGED_S, NECESSARY, PAPER_UTC
 
@@ -19,20 +17,20 @@ _REACH = 0.1
 _ALL_AT_ONCE, _SEED = 16, 1
 
 _AREAS = "plant.subject.suit.drag_areas_m2"
-# What is calibrated, below the scenario, with the entries of a list.
-NUMBERS: dict[str, tuple[tuple[str, int | None], ...]] = {
-    "trunk, side": ((f"{_AREAS}.upper_trunk", 1), (f"{_AREAS}.mid_trunk", 1)),
+# What is calibrated, by dotted names below the scenario; of the areas 0 is the front and 1 the side.
+NUMBERS: dict[str, tuple[str, ...]] = {
+    "trunk, side": (f"{_AREAS}.upper_trunk.1", f"{_AREAS}.mid_trunk.1"),
     **{
-        f"{limb.replace('_', ' ')}, {side}": ((f"{_AREAS}.{limb}", entry),)
+        f"{limb.replace('_', ' ')}, {side}": (f"{_AREAS}.{limb}.{entry}",)
         for limb in ("upper_arm", "forearm", "thigh", "shank")
         for entry, side in enumerate(("front", "side"))
     },
-    "pitch": (("plant.initial.pitch_deg", None),),
-    "roll damping": (("plant.damping.Cm_damp_roll", None),),
-    "pitch damping": (("plant.damping.Cm_damp_pitch", None),),
-    "reference area": (("plant.damping.reference_area_m2", None),),
-    "force of the hands": (("plant.hands.K_N", None),),
-    "acceleration of the limbs": (("plant.limbs.alpha_acceleration", None),),
+    "pitch": ("plant.initial.pitch_deg",),
+    "roll damping": ("plant.damping.Cm_damp_roll",),
+    "pitch damping": ("plant.damping.Cm_damp_pitch",),
+    "reference area": ("plant.damping.reference_area_m2",),
+    "force of the hands": ("plant.hands.K_N",),
+    "acceleration of the limbs": ("plant.limbs.alpha_acceleration",),
 }
 
 
@@ -73,15 +71,9 @@ def calibrations() -> dict[str, dict[str, float]]:
 
 def changed(scenario: Scenario, factors: Mapping[str, float]) -> Scenario:
     """The scenario with its numbers times these factors, and its posture trimmed again; the pattern is kept."""
-    own, values = scenario.as_dict(), dict[str, Any]()
-    for label, factor in factors.items():
-        for name, entry in NUMBERS[label]:
-            value = values.get(name, reduce(getitem, name.split("."), own))
-            values[name] = (
-                factor * value
-                if entry is None
-                else [v * (factor if i == entry else 1.0) for i, v in enumerate(value)]
-            )
+    own = scenario.as_dict()
+    names = {name: factor for label, factor in factors.items() for name in NUMBERS[label]}
+    values = {name: factor * number_at(own, name) for name, factor in names.items()}
     return in_straight_fall(override(scenario, values)) if values else scenario
 
 

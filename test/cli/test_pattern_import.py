@@ -14,13 +14,10 @@ from recordings import bag_of_postures
 from scipy.interpolate import PchipInterpolator
 
 from skydiver_utc.body.movement import movement, thin
-from skydiver_utc.body.posture import configuration
-from skydiver_utc.body.segments import build_body
 from skydiver_utc.loop.build import build_plant
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import PosturePath, load_scenario
 from skydiver_utc.parameters.loading import config_folder
-from skydiver_utc.plants.skydiver.dynamics import GEOMETRY_SIZE, posture_geometry
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 ARMS = EXAMPLES / "arms_forward.csv"
@@ -143,34 +140,20 @@ def test_the_file_and_the_settings_decide_posture_name_and_rate(tmp_path, monkey
         assert "elbow" in joint or found[joint] == pytest.approx(row, abs=1e-8)
 
 
-def test_a_long_motion_gets_a_denser_table(tmp_path):
-    """Three quick postures in a long file: the table has a node for each."""
-    angles, time_s = [[0.0], [0.0], [30.0], [0.0], [0.0]], [0.0, 20.0, 20.05, 20.1, 40.0]
-    path = degrees(tmp_path / "nod.csv", ["neck_rotation"], angles, time_s)
-    assert imported(path, tmp_path / "nod.yaml")[1].plant.pattern_nodes == 801
-    degrees(path, ["neck_rotation"], angles, [*time_s[:-1], 400.0])
-    assert "less than 1/1024 of it apart" in refused(path, tmp_path / "longer.yaml")
-
-
-def test_the_table_that_is_flown_is_exact_enough_for_a_quick_motion(tmp_path):
-    """By the postures at three places between any two nodes, in metres and kg m2; and the error is printed."""
-    source = arms_of(tmp_path / "quick.csv", [0.0, 1.0, 1.1, 1.2, 3.0], [0.0, 0.0, 60.0, 0.0, 0.0])
-    printed, scenario = imported(source, tmp_path / "quick.yaml")
-    plant, row = build_plant(scenario), np.empty(GEOMETRY_SIZE)
-    body, moves = build_body(scenario.plant.subject), movement(scenario.plant.posture, scenario.plant.pattern)
-    nodes = scenario.plant.pattern_nodes
-    place = inertia = 0.0
-    for alpha in np.linspace(0.6, 0.85, 3 * nodes // 4):
-        posture_geometry(plant.constants, alpha, row)
-        placed = configuration(body, moves.angles(alpha))
-        place = max(place, np.abs(row[:48].reshape(3, 16).T - placed.centre).max())
-        inertia = max(inertia, np.abs(row[144:147] - np.diag(placed.inertia)).max())
-    assert place < 5e-4
-    assert inertia < 5e-3
-    assert nodes > 257  # which would miss a segment by several times as much
-    assert float(re.search(rf"{nodes} nodes its table is off by (\S+) mm", printed)[1]) == pytest.approx(
-        1e3 * place, rel=0.5
-    )
+@pytest.mark.parametrize(
+    ("angles", "time_s", "nodes"),
+    [
+        ([0, 0, 30, 0, 0], [0.0, 20.0, 20.05, 20.1, 40.0], 801),  # a node for each posture of a long file
+        ([0, 0, 60, 0, 0], [0.0, 1.0, 1.1, 1.2, 3.0], 513),  # exact between the nodes of a quick motion
+    ],
+)
+def test_the_table_that_is_flown_is_as_dense_as_the_motion_needs(tmp_path, angles, time_s, nodes):
+    """test/body/test_movement.py has the error against the postures between the nodes."""
+    names = ["neck_rotation"] if nodes == 801 else SHOULDERS
+    source = degrees(tmp_path / "nod.csv", names, [[angle] * len(names) for angle in angles], time_s)
+    printed, scenario = imported(source, tmp_path / "nod.yaml")
+    assert scenario.plant.pattern_nodes == nodes
+    assert float(re.search(rf"{nodes} nodes its table is off by (\S+) mm", printed)[1]) <= 0.5
 
 
 def test_angles_just_beyond_the_joint_limits_are_clipped_and_named(tmp_path):
@@ -220,6 +203,7 @@ def test_what_cannot_be_imported_is_refused(tmp_path, out, arguments, words):
         ([0.0, 1e-3], [0, 20], "lasts 0.001 s, which cannot be flown: parameter plant.limits.alpha_rate"),
         ([0.0, 1e5], [0, 20], "lasts 100000 s, which cannot be flown: parameter duration_s"),
         ([-1e308, 1e308], [0, 20], "lasts inf s, which cannot be flown: duration_s"),
+        ([0.0, 20.0, 20.05, 20.1, 400.0], [0, 0, 30, 0, 0], "less than 1/1024 of it apart"),
         ([0.0, 1.0, 2.0], [10.0, 10.09, 10.01], "do not move"),  # but for the noise of a measurement
         (
             [0.0, 20.0, 20.05, 20.1, 40.0],
