@@ -43,7 +43,7 @@ def calibrate(
     """Find a skydiver whose fall, turns and flights meet targets, by changing numbers within bounds.
 
     CALIBRATION is a name below config/calibrations, or the path of a YAML file (docs/calibrate.md). FOLDER receives
-    skydiver.yaml with its suit, subject, posture and pattern, calibration.json, and evaluations.jsonl, from which the
+    skydiver.yaml with its suit, subject, posture and pattern, calibration.json, and ledger.sqlite, from which the
     same command continues.
     """
     from skydiver_utc.studies.calibration.candidate import start_of

@@ -35,12 +35,6 @@ def gain(Pu: Array, H: Array, P_err: Array) -> Array:
     return np.asarray(np.linalg.solve(H @ Pu @ H.T + P_err, H @ Pu).T, dtype=float)
 
 
-def next_covariance(Pu: Array, H: Array, P_err: Array, Qu: Array) -> Array:
-    """Pu (m, m) one step later."""
-    following: Array = Pu - gain(Pu, H, P_err) @ H @ Pu + Qu
-    return 0.5 * (following + following.T)
-
-
 def steady_gain(H: Array, P_err: Array, Qu: Array) -> SteadyGain:
     """The fixed point in closed form; raises `ValueError` where Qu is not positive definite in what H sees.
 

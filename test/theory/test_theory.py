@@ -11,7 +11,7 @@ from skydiver_utc.theory.bound import ball
 from skydiver_utc.theory.linear_plant import to_the_horizon
 from skydiver_utc.theory.riccati import output_riccati, riccati_terms
 from skydiver_utc.theory.stability import apart_from_rest, closed_loop_matrix
-from skydiver_utc.theory.steady_gain import gain, next_covariance, steady_gain
+from skydiver_utc.theory.steady_gain import gain, steady_gain
 
 SHAPES = [(3, 2, 2), (3, 2, 3), (4, 1, 1), (3, 4, 2), (5, 3, 1)]  # n, m, l
 
@@ -26,6 +26,10 @@ def random_plant(seed, n, m, outputs, radius=0.9):
     A = rng.normal(size=(n, n))
     A *= radius / np.abs(np.linalg.eigvals(A)).max()
     return LinearModel(A, rng.normal(size=(n, m)), rng.normal(size=(outputs, n))), rng
+
+
+def next_covariance(Pu, H, P_err, Qu):
+    return Pu - gain(Pu, H, P_err) @ H @ Pu + Qu
 
 
 def test_zero_order_hold_against_scipy():

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The search for a skydiver that meets the targets, and its log, from which it continues after an interruption.
+"""The search for a skydiver that meets the targets, and its ledger, from which it continues after an interruption.
 
-The optimiser (CMA-ES) is not saved: with the same seed it asks for the same skydivers again, and those in the log have
-their answer already. So a continued search is the uninterrupted one to the last bit.
+The optimiser (CMA-ES) is not saved: with the same seed it asks for the same skydivers again, and those in the ledger
+have their answer already. So a continued search is the uninterrupted one to the last bit.
 """
 
 import json
@@ -11,18 +11,16 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from skydiver_utc.parameters import ParameterError, Scenario
-from skydiver_utc.parameters.files import write_file
 from skydiver_utc.studies.calibration.candidate import numbers_of
 from skydiver_utc.studies.calibration.evaluation import Evaluation, evaluate
 from skydiver_utc.studies.calibration.settings import Calibration
+from skydiver_utc.studies.ledger import FILE, Row, ledger
 
 Array = NDArray[np.float64]
 Tried = Callable[[list[Evaluation]], None]
 
-LOG = "evaluations.jsonl"
 # First standard deviation, as a share of the distance of the bounds.
 _FIRST_STEP = 0.15
 # Of a number that is tried, as it is written into the files.
@@ -32,21 +30,30 @@ _DIGITS = 5
 def search(
     calibration: Calibration, start: Scenario, seed: int, evaluations: int, folder: Path, tried: Tried
 ) -> list[Evaluation]:
-    """Try skydivers until all targets are met or so many have been tried; the log in the folder is continued.
+    """Try skydivers until all targets are met or so many have been tried; the ledger in the folder is continued.
 
-    `tried(evaluations so far)` is called after each. Raises `ParameterError` for the log of another search.
+    `tried(evaluations so far)` is called after each. Raises `ParameterError` for the ledger of another search.
     """
-    log = _Log(folder / LOG, {"calibration": calibration.as_dict(), "seed": seed})
+    whole = json.dumps({"calibration": calibration.as_dict(), "seed": seed}, sort_keys=True)
     done: list[Evaluation] = []
     asked = _asked(calibration, start, seed, done)
-    while len(done) < evaluations and not (done and all(done[-1].met)):
-        numbers = next(asked)
-        evaluation = log.answer(len(done), numbers)
-        if evaluation is None:
-            evaluation = evaluate(calibration, start, numbers)
-            log.append(evaluation)
-        done.append(evaluation)
-        tried(done)
+    with ledger(folder, calibration.name, whole) as kept:
+        known = [Evaluation.model_validate(row.metrics) for row in kept.rows()]
+        while len(done) < evaluations and not (done and all(done[-1].met)):
+            numbers = next(asked)
+            if len(done) < len(known):
+                one = known[len(done)]
+                if one.numbers != numbers:
+                    raise ParameterError(
+                        f"{folder / FILE} is of another version of this package: move it away"
+                    )
+            else:
+                one = evaluate(calibration, start, numbers)
+                kept.add(
+                    Row(len(done), "", numbers, "tried", all(one.met), one.as_dict(), one.error, "", 0.0)
+                )
+            done.append(one)
+            tried(done)
     return done
 
 
@@ -75,36 +82,3 @@ def _asked(
             yield dict(zip(calibration.numbers, rounded.tolist(), strict=True))
             population.append((asked, done[-1].cost))
         optimiser.tell(population)
-
-
-class _Log:
-    """Evaluations, one a line, after a line that says of which search."""
-
-    def __init__(self, path: Path, search: dict[str, object]) -> None:
-        self._path, head = path, json.dumps(search)
-        # What is no whole line was cut short by the interruption.
-        lines = path.read_text("utf-8").splitlines(keepends=True) if path.is_file() else []
-        lines = [line for line in lines if line.endswith("\n")] or [head + "\n"]
-        if lines[0] != head + "\n":
-            raise ParameterError(
-                f"{path} is of another calibration or seed: choose another folder, or move this one away"
-            )
-        self._lines = lines[1:]
-        write_file(path, "".join(lines))
-
-    def answer(self, number: int, numbers: dict[str, float]) -> Evaluation | None:
-        """The evaluation of these numbers where the log has it."""
-        if number >= len(self._lines):
-            return None
-        try:
-            found = Evaluation.model_validate_json(self._lines[number])
-        except ValidationError as error:
-            raise ParameterError(f"{self._path} is damaged in line {number + 2}: move it away") from error
-        if found.numbers != numbers:
-            raise ParameterError(f"{self._path} is of another version of this package: move it away")
-        return found
-
-    def append(self, evaluation: Evaluation) -> None:
-        """Write one more line."""
-        with self._path.open("a", encoding="utf-8") as file:
-            file.write(evaluation.model_dump_json() + "\n")

@@ -2,6 +2,7 @@
 """Calibrations: a known skydiver is found, repeatable, continued after an interruption, and flies from its files."""
 
 import json
+import sqlite3
 
 import pytest
 import yaml
@@ -12,7 +13,7 @@ from skydiver_utc.parameters import ParameterError, load_scenario
 from skydiver_utc.parameters.loading import config_folder
 from skydiver_utc.studies.calibration.candidate import numbers_of, start_of
 from skydiver_utc.studies.calibration.evaluation import evaluate
-from skydiver_utc.studies.calibration.search import LOG, search
+from skydiver_utc.studies.calibration.search import search
 from skydiver_utc.studies.calibration.settings import load_calibration
 
 pytestmark = pytest.mark.long
@@ -46,10 +47,11 @@ def loaded(path, **changes):
     return calibration, start_of(calibration)
 
 
-def log_of(folder, calibration, start, evaluations, seed=1):
+def tried_in(folder, calibration, start, evaluations, seed=1):
+    """Rows of the ledger."""
     folder.mkdir(exist_ok=True)
     search(calibration, start, seed, evaluations, folder, lambda _done: None)
-    return (folder / LOG).read_bytes()
+    return sqlite3.connect(folder / "ledger.sqlite").execute("select number, metrics from runs").fetchall()
 
 
 def test_the_measures_of_a_known_suit_are_found_and_its_files_are_the_skydiver_that_was_tried(tmp_path):
@@ -82,15 +84,12 @@ def test_the_measures_of_a_known_suit_are_found_and_its_files_are_the_skydiver_t
 
 def test_an_interrupted_search_ends_as_the_uninterrupted_one_of_its_seed(tmp_path):
     of_file = loaded(tmp_path / "hard.yaml", **HARD)
-    whole = log_of(tmp_path / "whole", *of_file, 14)
-    assert log_of(tmp_path / "third", *of_file, 2, seed=2) != log_of(tmp_path / "first", *of_file, 2)
-    for kept in (0.0, 0.7):  # in the middle of a line
-        part = tmp_path / str(kept)
-        part.mkdir()
-        (part / LOG).write_bytes(whole[: int(kept * len(whole))])
-        assert log_of(part, *of_file, 14) == whole
-    with pytest.raises(ParameterError, match="another calibration or seed"):
-        log_of(tmp_path / "first", *of_file, 1, seed=2)
+    whole = tried_in(tmp_path / "whole", *of_file, 14)
+    assert tried_in(tmp_path / "other", *of_file, 2, seed=2)[1] != whole[1]
+    assert tried_in(tmp_path / "part", *of_file, 9) == whole[:9]
+    assert tried_in(tmp_path / "part", *of_file, 14) == whole
+    with pytest.raises(ParameterError, match="holds runs of another"):
+        tried_in(tmp_path / "part", *of_file, 1, seed=2)
 
 
 @pytest.mark.parametrize(
