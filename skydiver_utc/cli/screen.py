@@ -102,7 +102,7 @@ def _flat(values: Mapping[str, Any], left_out: Sequence[str]) -> Iterator[tuple[
         if name in left_out:
             continue
         if isinstance(value, Mapping) and _blocks(value) is None:
-            yield from ((f"{name}_{inner}", value) for inner, value in _flat(value, left_out))
+            yield from ((f"{name} {inner}", value) for inner, value in _flat(value, left_out))
         else:
             yield name, value
 
@@ -121,7 +121,7 @@ def _in_words(name: str) -> tuple[str, str]:
     for ending, unit in _UNITS.items():
         if name.endswith(ending):
             return name.removesuffix(ending).replace("_", " "), unit
-    return name.replace("_", " "), ""
+    return name if "." in name else name.replace("_", " "), ""
 
 
 def _text(value: object) -> "Text":

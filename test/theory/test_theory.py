@@ -40,16 +40,42 @@ def test_zero_order_hold_against_scipy():
         np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-13)
 
 
+@pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("steps", [1, 2, 7])
-def test_output_at_the_horizon(steps):
-    """F x + H u against stepping the plant with the control held."""
-    plant, rng = random_plant(2, 4, 2, 3)
-    start, u = rng.normal(size=4), rng.normal(size=2)
+def test_the_loop_of_a_horizon(shape, steps):
+    """F x + H u is the plant stepped with u held; Z z the law stepped; what rests stays, and is all that Z keeps.
+
+    The Riccati identity: X - (A - B L)' X (A - B L) = cost + effort - additional, and nothing is added for one step.
+    """
+    n, m, outputs = shape
+    plant, rng = random_plant(2, *shape)
+    Pu, P_err, Qu = definite(rng, m), definite(rng, outputs), definite(rng, m)
+    F, H = to_the_horizon(plant, steps)
+    start, u = rng.normal(size=n), rng.normal(size=m)
     x = start
     for _ in range(steps):
         x = plant.A @ x + plant.B @ u
-    F, H = to_the_horizon(plant, steps)
-    np.testing.assert_allclose(F @ start + H @ u, plant.C @ x, rtol=1e-12)
+    np.testing.assert_allclose(F @ start + H @ u, plant.C @ x, rtol=1e-11)
+
+    K = steady_gain(H, P_err, Qu).K
+    Z, W = closed_loop_matrix(plant, K, steps), apart_from_rest(plant, K)
+    following = u - K @ (F @ start + H @ u)
+    expected = np.append(plant.A @ start + plant.B @ following, following)
+    np.testing.assert_allclose(Z @ np.append(start, u), expected, rtol=1e-10, atol=1e-11)
+    at_rest = n + m - W.shape[1]
+    assert at_rest == max(m - outputs, 0)
+    rest = np.linalg.svd(W.T)[2][W.shape[1] :].T
+    np.testing.assert_allclose(Z @ rest, rest, atol=1e-10)
+    np.testing.assert_allclose(plant.C @ rest[:n], 0.0, atol=1e-9)
+    eigenvalues = np.append(np.linalg.eigvals(W.T @ Z @ W), np.ones(at_rest))
+    np.testing.assert_allclose(np.poly(eigenvalues), np.poly(np.linalg.eigvals(Z)), atol=1e-9)
+
+    X = plant.C.T @ np.linalg.inv(P_err) @ plant.C
+    closed = plant.A - plant.B @ gain(Pu, H, P_err) @ F
+    terms, size = output_riccati(plant, Pu, P_err, steps), np.abs(X).max()
+    left = terms.cost + terms.effort - terms.additional
+    np.testing.assert_allclose(left, X - closed.T @ X @ closed, atol=1e-8 * size)
+    assert bool(np.abs(terms.additional).max() < 1e-9 * size) == (steps == 1)
 
 
 @pytest.mark.parametrize(("m", "outputs"), [(1, 1), (2, 2), (2, 3), (3, 5)])
@@ -87,41 +113,6 @@ def test_gain_settles_although_the_unseen_covariance_grows(m, outputs):
     np.testing.assert_allclose(gain(start, H, P_err), steady.K, rtol=1e-9, atol=1e-12)
     following = next_covariance(start, H, P_err, Qu)
     np.testing.assert_allclose(following - start, steady.growth, rtol=1e-8, atol=1e-10)
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("steps", [1, 4])
-def test_closed_loop_matrix_is_the_law_stepped(shape, steps):
-    """Z z against the update written out from the definition of UTC's gain."""
-    n, m, outputs = shape
-    plant, rng = random_plant(3, *shape)
-    K = rng.normal(size=(m, outputs))
-    x, u = rng.normal(size=n), rng.normal(size=m)
-    F, H = to_the_horizon(plant, steps)
-    following = u + K @ (-F @ x - H @ u)
-    expected = np.append(plant.A @ x + plant.B @ following, following)
-    np.testing.assert_allclose(
-        closed_loop_matrix(plant, K, steps) @ np.append(x, u), expected, rtol=1e-11, atol=1e-12
-    )
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("steps", [1, 5])
-def test_states_of_rest(shape, steps):
-    """Z keeps rest, its spectrum is that of W'Z W and ones, and there are at least m - l ones."""
-    n, m, outputs = shape
-    plant, rng = random_plant(5, *shape)
-    _, H = to_the_horizon(plant, steps)
-    K = steady_gain(H, definite(rng, outputs), definite(rng, m)).K
-    Z, W = closed_loop_matrix(plant, K, steps), apart_from_rest(plant, K)
-    at_rest = n + m - W.shape[1]
-    assert at_rest == max(m - outputs, 0)
-    rest = np.linalg.svd(W.T)[2][W.shape[1] :].T
-    np.testing.assert_allclose(Z @ rest, rest, atol=1e-10)
-    np.testing.assert_allclose(plant.C @ rest[:n], 0.0, atol=1e-9)
-    ours = np.append(np.linalg.eigvals(W.T @ Z @ W), np.ones(at_rest))
-    theirs = np.linalg.eigvals(Z)
-    np.testing.assert_allclose(np.poly(ours), np.poly(theirs), atol=1e-9)
 
 
 @pytest.mark.parametrize("a", [-0.7, 0.0, 0.5, 0.95])
@@ -166,24 +157,6 @@ def test_the_ball_itself_can_be_left():
     start = np.array([0.0, found.radius])
     reached = np.linalg.norm(Z @ start)
     assert found.radius < reached <= found.kept
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("steps", [1, 3, 8])
-def test_riccati_identity(shape, steps):
-    """X - (A - B L)'X(A - B L) = cost + effort - additional; nothing is added for one step."""
-    plant, rng = random_plant(6, *shape)
-    Pu, P_err = definite(rng, shape[1]), definite(rng, shape[2])
-    F, H = to_the_horizon(plant, steps)
-    X = plant.C.T @ np.linalg.inv(P_err) @ plant.C
-    closed = plant.A - plant.B @ gain(Pu, H, P_err) @ F
-    terms = output_riccati(plant, Pu, P_err, steps)
-    np.testing.assert_allclose(
-        terms.cost + terms.effort - terms.additional, X - closed.T @ X @ closed, atol=1e-8 * np.abs(X).max()
-    )
-    assert np.abs(terms.additional).max() > 1e-6 or steps == 1
-    if steps == 1:
-        np.testing.assert_allclose(terms.additional, 0.0, atol=1e-9 * np.abs(X).max())
 
 
 def test_riccati_cost_against_scipy():
