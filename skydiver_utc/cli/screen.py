@@ -2,6 +2,7 @@
 """Progress bars on stderr, metrics on stdout; rich is imported when something is shown."""
 
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -121,7 +122,7 @@ def _in_words(name: str) -> tuple[str, str]:
     for ending, unit in _UNITS.items():
         if name.endswith(ending):
             return name.removesuffix(ending).replace("_", " "), unit
-    return name if "." in name else name.replace("_", " "), ""
+    return name if re.search("[./]", name) else name.replace("_", " "), ""
 
 
 def _text(value: object) -> "Text":

@@ -297,7 +297,8 @@ def test_the_loss_is_reported_of_a_folder_or_file(whole: Path, tmp_path: Path) -
     file = cut(whole, chunk.end + 60, tmp_path / "run" / "run_0.mcap")
     result = call(file.parent)
     assert result.exit_code == 0
-    assert f"{chunk.count} messages, {(chunk.count - 1) / 1000:.3f} s" in result.output
+    for words in (f"{chunk.count}", f"{(chunk.count - 1) / 1000:.4g}", "no end"):
+        assert words in result.output
     again = json.loads(call(file, "--json").stdout)
     assert again["messages"] == chunk.count
     assert again["lost_messages"] is None
