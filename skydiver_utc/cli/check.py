@@ -64,35 +64,16 @@ def _other_scenario(recorded: "Scenario", controller: str | None, settings: Sequ
 
 
 def _show(values: dict[str, Any]) -> None:
-    from skydiver_utc.analysis.labels import reference_added
-
-    if values["first_step"]:
-        first_step = f"step {values['first_step']}"
-        show_lines(
-            f"the recording lacks the beginning: checked from the controller's restart at {first_step} on"
-        )
-    if (hole := values["hole_at_step"]) is not None:
-        show_lines(f"the recording lacks step {hole}: checked up to there")
-    if sentence := reference_added(values["reference_steps_not_recorded"]):
-        show_lines(sentence)
-    if count := values["different_estimates"]:
-        show_lines(f"{count} of {values['steps']} estimates are not the recorded ones")
-    if not values["different_steps"]:
+    show_values(values, False, "schema_version", "first_difference", "equal")
+    first = values["first_difference"]
+    if first is None:
         show_lines(
             f"{values['controller']}: all {values['steps']} commands are the recorded ones, bit for bit"
         )
         return
-    show_lines(f"{values['controller']}, less the recorded commands", style="bold")
-    show_values({"controls": values["controls"]}, False)
-    first = values["first_difference"]
     show_lines(
         f"{values['different_steps']} of {values['steps']} commands differ, the first at step {first['step']}"
         f" ({first['time_s']:.3f} s): {first['control']} was {first['recorded']!r}, is {first['computed']!r}"
     )
-    if revised := values["reference_steps_revised"]:
-        show_lines(
-            f"{revised} steps of the live reference were changed after they had been announced: a decision before that"
-            " is computed with the later values"
-        )
     if values["in_real_time"]:
         show_lines("recorded in real time, where a controller does not receive every state")
