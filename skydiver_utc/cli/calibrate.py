@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``skydiver-utc calibrate``: a skydiver whose measures meet targets."""
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,8 +47,9 @@ def calibrate(
     skydiver.yaml with its suit, subject, posture and pattern, calibration.json, and ledger.sqlite, from which the
     same command continues.
     """
+    from skydiver_utc.parameters.files import write_file
     from skydiver_utc.studies.calibration.candidate import start_of
-    from skydiver_utc.studies.calibration.files import report, write_report, write_skydiver
+    from skydiver_utc.studies.calibration.files import report, write_skydiver
     from skydiver_utc.studies.calibration.search import best_of, search
     from skydiver_utc.studies.calibration.settings import load_calibration
 
@@ -66,7 +68,7 @@ def calibrate(
         done = search(wanted, start, seed, count, out, tried)
     best = best_of(done)
     values = report(wanted, best, seed, len(done))
-    write_report(out, values)
+    write_file(out / "calibration.json", json.dumps(values, indent=2) + "\n")
     skydiver = None if best.error else write_skydiver(out, wanted, start, best, command)
     show_values(values, as_json)
     if skydiver and not as_json:

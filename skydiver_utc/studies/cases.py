@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.analysis.numbers import finite, largest, settled
-from skydiver_utc.loop.build import build_reference
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Parameters, Scenario, load_scenario
@@ -53,11 +52,6 @@ def case(scenario: str, *settings: tuple[str, object]) -> Case:
 def shipped(scenario: str) -> Scenario:
     """A scenario as it comes with the package, read once."""
     return load_scenario(scenario)
-
-
-def amplitude_deg_s(scenario: Scenario) -> float:
-    """Largest rate of the reference."""
-    return math.degrees(float(build_reference(scenario).amplitude[0]))
 
 
 class Measures(Parameters):

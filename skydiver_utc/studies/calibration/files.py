@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A calibrated skydiver as YAML files with their source, and the report of its calibration."""
 
-import json
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -56,11 +55,6 @@ def report(calibration: Calibration, best: Evaluation, seed: int, tried: int) ->
         "numbers": best.numbers,
         "targets": targets,
     }
-
-
-def write_report(folder: Path, values: dict[str, Any]) -> None:
-    """Write calibration.json."""
-    write_file(folder / "calibration.json", json.dumps(values, indent=2) + "\n")
 
 
 def _name_or_content(field: str, content: dict[str, Any]) -> object:
