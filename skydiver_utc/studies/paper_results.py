@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from skydiver_utc.analysis.numbers import finite
 from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import Parameters, Scenario
@@ -44,7 +45,7 @@ class Tunings(Parameters):
 
     count: int
     converged: int
-    rmse: float
+    rmse: float | None
 
 
 class PaperResults(Parameters):
@@ -107,7 +108,7 @@ def tunings(found: Mapping[str, Measures]) -> dict[str, Tunings]:
         case: Tunings(
             count=len(flown),
             converged=sum(plan.is_success(one.outcome, one.as_dict()) for one in flown),
-            rmse=float(np.quantile([one.rmse for one in flown], 0.5, method="inverted_cdf")),
+            rmse=finite(float(np.quantile([one.rmse for one in flown], 0.5, method="inverted_cdf"))),
         )
         for case, flown in by_case.items()
     }
