@@ -34,7 +34,7 @@ class Row(NamedTuple):
 
 
 class Ledger:
-    """Rows by number; a row stands on disk when `add` returns."""
+    """Rows by number; a row outlives this process when `add` returns."""
 
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._connection = connection
@@ -66,6 +66,8 @@ def ledger(folder: Path, name: str, digest: str) -> Iterator[Ledger]:
     try:
         try:
             connection.execute("pragma journal_mode = wal")
+            # A row outlives this process at once, and a failure of the machine when the system next writes to the disk.
+            connection.execute("pragma synchronous = normal")
             connection.executescript(_TABLES)
             known = connection.execute("select digest, name from study").fetchone()
         except sqlite3.Error as error:
