@@ -194,16 +194,17 @@ def _compile_mutated(mutant: Mutant | None, called: set[tuple[str, int]]) -> Non
     load = jit._Cache.load_overload
 
     def load_overload(cache: Any, *arguments: Any) -> Any:
-        functions, waiting = set(), [cache._source]
+        codes, waiting = set(), [cache._source]
         while waiting:
             known = waiting.pop()
             function = getattr(known, "py_func", known)
-            if isinstance(function, FunctionType) and _place(function.__code__) not in functions:
-                functions.add(_place(function.__code__))
+            if isinstance(function, FunctionType) and function.__code__ not in codes:
+                codes.add(function.__code__)
                 known = function.__globals__
                 waiting += [known[name] for name in jit._names(function.__code__) if name in known]
-        called.update(functions)
-        anew = mutant is not None and (not mutant.function or (mutant.file, mutant.function) in functions)
+        places = set(map(_place, codes))
+        called.update(places)
+        anew = mutant is not None and (not mutant.function or (mutant.file, mutant.function) in places)
         return None if anew else load(cache, *arguments)
 
     jit._Cache.load_overload = load_overload
