@@ -9,6 +9,9 @@ from skydiver_utc.cli import options
 from skydiver_utc.cli.screen import show_values
 from skydiver_utc.cli.settings import load_skydiver
 
+# Of a pattern angle: the accelerations at once, in body axes.
+_SHOWN = ("alpha_rad", "surge_m_s2", "sway_m_s2", "heave_m_s2", "roll_rad_s2", "pitch_rad_s2", "yaw_rad_s2")
+
 
 @click.command(cls=options.Computing, short_help="Show the effect of PATTERN on a straight fall.")
 @click.argument("pattern", metavar="PATTERN")
@@ -27,4 +30,16 @@ def show(pattern: str, scenario: str, settings: Sequence[str], as_json: bool) ->
     values = pattern_report(
         in_straight_fall(load_skydiver(scenario, [f"plant.pattern={pattern}", *settings]))
     )
+    if not as_json:
+        values["at"] = [
+            dict(
+                zip(
+                    _SHOWN,
+                    (row["alpha_rad"], *row["acceleration_m_s2"], *row["angular_acceleration_rad_s2"]),
+                    strict=True,
+                )
+            )
+            | (row["steady"] or {})
+            for row in values["at"]
+        ]
     show_values(values, as_json)

@@ -92,6 +92,8 @@ def show_values(values: Mapping[str, Any], as_json: bool, *left_out: str) -> Non
             names = dict.fromkeys(name for row in rows for name in row)
             title, headings = _in_words(name)[0], [" ".join(_in_words(name)).strip() for name in names]
             tables.append(table(title, *headings, show_edge=False, padding=0))
+            for column in tables[-1].columns:
+                column.justify = "right"
             for row in rows:
                 tables[-1].add_row(*(_text(row.get(name)) for name in names))
     show_tables(made, *tables)
