@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from skydivers import model_of, oracle_derivative, skydiver
 
 from skydiver_utc.parameters import ParameterError
-from skydiver_utc.plants.skydiver.linearise import linearise, tilt_axes, velocity_axes
+from skydiver_utc.plants.skydiver.linearise import control_effect, linearise, tilt_axes, velocity_axes
 from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, INERTIA_AT
 from skydiver_utc.plants.skydiver.modes import modes
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
@@ -98,6 +98,17 @@ def test_modes_of_a_ball(up):
     found = np.linalg.eigvals(linearise(HeldBody(model, REST), fall))
     np.testing.assert_allclose(np.sort(found.real), np.sort(expected), rtol=1e-6, atol=1e-6)
     assert np.abs(found.imag).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", POSTURES)
+def test_the_effect_of_the_controls_is_the_oracles(name):
+    model, (fall, _) = held(name)
+    state, step = state_of(fall.up, fall.velocity, fall.rates), 1e-4
+    for d, effect in zip(step * np.eye(4), control_effect(model, REST, fall).T, strict=True):
+        after, before = (oracle_derivative(scenario_of(name), REST + sign * d)(state)[7:] for sign in (1, -1))
+        change = (after - before) / (2.0 * step)
+        expected = np.concatenate([np.zeros(2), change[3:], velocity_axes(fall) @ change[:3]])
+        np.testing.assert_allclose(effect, expected, rtol=1e-5, atol=1e-4)  # postures from a table
 
 
 def test_modes_have_the_names_of_their_motions():
