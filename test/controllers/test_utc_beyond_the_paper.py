@@ -34,6 +34,21 @@ def test_without_an_option_the_controller_is_the_papers():
     assert [law.nominal, law.outputs, law.after_reference] == [{}, {}, {}]
 
 
+def test_a_reset_forgets_the_side_of_the_turn_before():
+    scenario = load_scenario(TURN)
+    plant, reference = build_plant(scenario), build_reference(scenario)
+    controller = build_controller(scenario, plant, reference)
+
+    def controls(steps):
+        previews = [reference.preview(k, controller.preview_steps + 1) for k in steps]
+        return [controller.decide(plant.initial_state(), preview).control for preview in previews]
+
+    first = controls(range(3))
+    controls([int(reference.preview(0, scenario.steps)[:, 0].argmin())])
+    controller.reset()
+    np.testing.assert_array_equal(controls(range(3)), first)
+
+
 @pytest.mark.parametrize(
     "nominal",
     [

@@ -28,9 +28,10 @@ def test_solid_ellipsoids_have_the_moments_of_the_body():
         arm = pose[:3] - state[:3]
         total += turned @ np.diag(mass / 5 * (squares.sum() - squares)) @ turned.T
         total += mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    world = attitude.as_matrix()
-    inertia = configuration(body, joint_angles(scenario, alpha)).inertia
-    assert np.allclose(world.T @ total @ world, inertia, atol=1e-9)
+    world, placed = attitude.as_matrix(), configuration(body, joint_angles(scenario, alpha))
+    assert np.allclose(world.T @ total @ world, placed.inertia, atol=1e-9)
+    mid_hip = state[:3] - world @ placed.centre_of_mass
+    assert np.allclose(plant.robot_pose(state, applied), [*mid_hip, *state[3:7]], atol=1e-9)
 
 
 def test_the_forces_on_the_segments_add_up_to_the_acceleration():
