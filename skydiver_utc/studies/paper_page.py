@@ -37,7 +37,7 @@ def page(results: PaperResults) -> str:
     """The claims and the paper's figures."""
     claims = checklist(results)
     counts = Counter(claim.verdict for claim in claims)
-    counted = ", ".join(f"{counts[verdict]} {verdict.value}" for verdict in Verdict if counts[verdict])
+    counted = ", ".join(f"{verdict.value} {counts[verdict]}" for verdict in Verdict if counts[verdict])
     rows = [(claim.words, f"**{claim.verdict.value}**", claim.measured, claim.why or "-") for claim in claims]
     quick = f"\n**{QUICK_WARNING}**\n" if results.quick else ""
     return f"""# The paper's results, run again
@@ -52,7 +52,7 @@ other figure: [details](details.md).
 
 ## Claims
 
-Of {len(claims)}: {counted}.
+Of {len(claims)} claims: {counted}.
 
 {table(("the paper says", "", "measured", "remark"), rows)}
 ## The paper's figures
