@@ -25,7 +25,7 @@ from machines import ADDRESSES, Conditions, Machine, ping, two_machines, why_not
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.analysis.recorded_run import read_run
-from skydiver_utc.cli.node_processes import PACKAGE_FOLDER
+from skydiver_utc.cli.node_processes import NODE_CODE, PACKAGE_FOLDER
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import load_scenario
@@ -80,7 +80,7 @@ class TwoMachines:
     def _start(
         self, kind: str, machine: Machine, parameters: Mapping[str, object]
     ) -> "subprocess.Popen[bytes]":
-        command = [sys.executable, "-m", f"skydiver_utc.nodes.{kind}_node", "--ros-args"]
+        command = [sys.executable, "-c", NODE_CODE.format(kind=kind), "--ros-args"]
         for name, value in parameters.items():
             command += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
         with (self.folder / f"{kind}.log").open("w") as log:
