@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each subject can do, with each suit: ``python benchmarks/subjects.py`` prints the table of docs/model.md.
 
-The amplitude of the fast turn is that of ``skydiver-utc trim --reachable`` (skydiver_utc/cli/reachable.py).
+The amplitude of the fast turn is that of ``skydiver-utc trim --reachable`` (skydiver_utc/studies/reachable.py).
 """
 
 import click

@@ -11,7 +11,8 @@ import click
 from telemetry_figure import telemetry_figure
 
 from skydiver_utc.analysis.style import png
-from skydiver_utc.studies.cases import Case, case, run_all, whole
+from skydiver_utc.loop.run import Run
+from skydiver_utc.studies.cases import Case, case, run_all
 from skydiver_utc.studies.paper_cases import PI, UNKNOWN
 
 # The paper's hand force in the other direction: the hands bank the athlete and slow his fall.
@@ -118,6 +119,11 @@ STEPS = (
         },
     ),
 )  # fmt: skip
+
+
+def whole(run: Run) -> Run:
+    """Keep the run itself."""
+    return run
 
 
 @click.command(help=__doc__)

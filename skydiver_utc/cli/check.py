@@ -65,6 +65,12 @@ def _other_scenario(recorded: "Scenario", controller: str | None, settings: Sequ
 
 def _show(values: dict[str, Any]) -> None:
     show_values(values, False, "schema_version", "first_difference", "equal")
+    if values["first_step"]:
+        show_lines("the recording lacks the beginning: checked from the controller's restart on")
+    if values["hole_at_step"] is not None:
+        show_lines("the recording has a hole: checked up to there")
+    if values["reference_steps_revised"]:
+        show_lines("a decision before a change of the live reference is computed with the later values")
     first = values["first_difference"]
     if first is None:
         show_lines(

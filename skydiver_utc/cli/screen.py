@@ -86,7 +86,7 @@ def show_values(values: Mapping[str, Any], as_json: bool, *left_out: str) -> Non
         blocks = _blocks(value)
         if blocks is None:
             label, unit = _in_words(name)
-            made.add_row(label, _text(value), unit)
+            made.add_row(label, _text(value, unit), unit)
         elif blocks:
             rows = [dict(_flat(block, left_out)) for block in blocks]
             names = dict.fromkeys(name for row in rows for name in row)
@@ -95,7 +95,7 @@ def show_values(values: Mapping[str, Any], as_json: bool, *left_out: str) -> Non
             for column in tables[-1].columns:
                 column.justify = "right"
             for row in rows:
-                tables[-1].add_row(*(_text(row.get(name)) for name in names))
+                tables[-1].add_row(*(_text(row.get(name), _in_words(name)[1]) for name in names))
     show_tables(made, *tables)
 
 
@@ -124,19 +124,20 @@ def _in_words(name: str) -> tuple[str, str]:
     for ending, unit in _UNITS.items():
         if name.endswith(ending):
             return name.removesuffix(ending).replace("_", " "), unit
-    return name if re.search("[./]", name) else name.replace("_", " "), ""
+    first, *rest = name.split(" ")
+    return " ".join([first.replace("_", " ") if rest or not re.search("[./]", first) else first, *rest]), ""
 
 
-def _text(value: object) -> "Text":
-    """A value on the screen; numbers below a billionth are rounding errors."""
+def _text(value: object, unit: str = "") -> "Text":
+    """A value on the screen: four digits, of a time all milliseconds."""
     from rich.text import Text
 
     if isinstance(value, bool):
         return Text("yes", style="green") if value else Text("no", style="red")
     if isinstance(value, list):
-        return Text("  ").join(map(_text, value))
+        return Text("  ").join(_text(item, unit) for item in value)
     if isinstance(value, float):
-        return Text(f"{round(value, 9) + 0.0:.4g}")
+        return Text(f"{round(value, 3):.12g}" if unit == "s" and abs(value) >= 1.0 else f"{value:.4g}")
     return Text("-" if value is None else printable(str(value)))
 
 

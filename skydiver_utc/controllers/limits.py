@@ -35,7 +35,7 @@ class LimitedController:
 
     def __init__(self, plant: Plant) -> None:
         self._limits, self._initial = limits_of(plant), plant.initial_control()
-        self._previous = self._initial.copy()
+        self._previous = np.array(self._initial, dtype=float)
 
     def reset(self) -> None:
         """Start again from the initial control."""

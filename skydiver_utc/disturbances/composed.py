@@ -42,7 +42,7 @@ class Composed(Disturbance):
         """Velocity of the air (3,) in the world at step k [m/s]."""
         if self._winds and k != self._step:
             first, *others = self._winds
-            self._step, self._wind = k, first(k)
+            self._step, self._wind = k, np.array(first(k), dtype=float)
             for wind in others:
                 self._wind = self._wind + wind(k)
         return self._wind

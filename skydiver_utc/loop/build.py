@@ -4,6 +4,8 @@
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
 from skydiver_utc.controllers.delay import DelayCompensation
 from skydiver_utc.controllers.protocol import Controller
 from skydiver_utc.disturbances.composed import Composed
@@ -75,7 +77,8 @@ def build_compiled_controller(
 ) -> Controller:
     """The same; it has decided once, so that no step of a run waits for the compiler."""
     controller = build_controller(scenario, plant, reference, delay_steps)
-    controller.decide(plant.initial_state(), reference.preview(0, controller.preview_steps + 1))
+    preview = reference.preview(0, controller.preview_steps + 1)
+    controller.decide(plant.initial_state(), np.ascontiguousarray(preview, dtype=float))
     controller.reset()
     return controller
 

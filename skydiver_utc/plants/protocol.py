@@ -190,7 +190,7 @@ class Plant(ABC):
         """All outputs (..., L) of states (..., n)."""
         found = np.empty((*states.shape[:-1], len(self.output_names)))
         rows = np.ascontiguousarray(states, dtype=float).reshape(-1, states.shape[-1])
-        for_rows(self.bound_model.outputs, rows, found.reshape(len(rows), -1))
+        for_rows(self.bound_model.outputs, rows, found.reshape(-1, found.shape[-1]))
         return found
 
     def joint_angles(self, applied: Array) -> Array:

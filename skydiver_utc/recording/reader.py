@@ -21,10 +21,10 @@ from skydiver_utc.recording.records import DAMAGE, Damaged, parts, unpacked
 
 _ENCAPSULATION_LENGTH = 4
 # What rosbags raises on definitions and messages that come from anywhere.
-_UNREADABLE = (*DAMAGE, TypesysError, SerdeError)
-_MOST_ENTRIES = (
-    1000  # of the lists of fixed length in a definition: rosbags writes code for each, 5 ms and 40 kB
-)
+_UNREADABLE = (*DAMAGE, TypesysError, SerdeError, SyntaxError)
+# Of the lists of texts or messages with a fixed length in a definition: rosbags writes code for each, 5 ms and 40 kB.
+_MOST_ENTRIES = 1000
+_LONG_LISTS = re.compile(r"^\s*(?!(?:bool|byte|char|u?int\d+|float\d+)\[)\S+\[(\d+)\]", re.MULTILINE)
 
 
 @dataclass(eq=False)
@@ -201,8 +201,8 @@ class _Contents:
 @lru_cache(maxsize=64)
 def _decoder(type_name: str, text: str) -> Callable[[bytes], Any]:
     """A function that deserializes messages of a type with this definition; cached, because building it takes 0.1 s."""
-    if sum(map(int, re.findall(r"\[(\d+)\]", text))) > _MOST_ENTRIES:
-        raise ValueError(f"its lists of fixed length have more than {_MOST_ENTRIES} entries")
+    if sum(map(int, _LONG_LISTS.findall(text))) > _MOST_ENTRIES:
+        raise ValueError(f"its lists of texts or messages have more than {_MOST_ENTRIES} entries")
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(text, type_name))
     # store.deserialize_cdr refuses the padding that rclpy.serialization leaves at the end of some messages.

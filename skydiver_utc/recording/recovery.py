@@ -130,7 +130,10 @@ def _copy(file: Path, mcap: McapFile, places: dict[_Topic, int]) -> int:
 def _is_indexed(file: Path) -> bool:
     """True where the index has every chunk and the checksum in the footer is that of the index; 0 is no checksum."""
     chunks, indexed, footer = set[bytes](), set[bytes](), b""
+    begins = set[int]()  # of the records that may stand in an index
     for offset, _, opcode, data in records(file):
+        if opcode != Opcode.MESSAGE:
+            begins.add(offset)
         if opcode == Opcode.CHUNK:
             chunks.add(offset.to_bytes(8, "little"))
         elif opcode == Opcode.CHUNK_INDEX:
@@ -140,8 +143,11 @@ def _is_indexed(file: Path) -> bool:
     if len(footer) != _FOOTER.size or chunks != indexed:
         return False
     start, _, crc = _FOOTER.unpack(footer)
-    index = file.read_bytes()[start:-_AFTER_INDEX]
-    return start > 0 and crc in (0, zlib.crc32(index))
+    if start not in begins:
+        return False
+    with file.open("rb") as stream:
+        stream.seek(start)
+        return crc in (0, zlib.crc32(stream.read()[:-_AFTER_INDEX]))
 
 
 def _survey_file(file: Path, found: Survey) -> None:

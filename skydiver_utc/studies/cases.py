@@ -103,11 +103,6 @@ def measure(run: Run) -> Measures:
     return Measures.model_validate({name: _rounded(value) for name, value in kept.items()})
 
 
-def whole(run: Run) -> Run:
-    """Keep the run itself."""
-    return run
-
-
 def run_all(
     scenarios: Mapping[str, Scenario], keep: Callable[[Run], Kept], workers: int, done: Done
 ) -> dict[str, Kept]:

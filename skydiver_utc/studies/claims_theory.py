@@ -76,7 +76,7 @@ def _stability() -> Claim:
     first = f"below {_EQUAL:g}" if added[1] < _EQUAL else f"{added[1]:.2g}"
     return decided(
         "For linear systems stability takes the form of a Riccati equation, with one more term for N > 1",
-        "ADMIRE: the additional term of docs/theory.md, with which the equation is exact, is zero for N = 1 and not for"
+        "ADMIRE: the additional term of docs/theory.md is zero for N = 1 and not for"
         f" N = {_LONGER}; the package's UTC decays as the loop's eigenvalues say (`skydiver-utc stability --plant"
         f" admire`, `--steps {_LONGER}`)",
         f"the term is {first} for N = 1, {added[_LONGER]:.2g} for N = {_LONGER}, of the error's weight; decay per step"

@@ -77,7 +77,8 @@ def ledger(folder: Path, name: str, digest: str) -> Iterator[Ledger]:
             connection.commit()
         elif known[0] != digest:
             raise ParameterError(
-                f"{path} holds runs of another study ({known[1]}) or of other settings: choose another --out"
+                f"{path} holds runs of another study or calibration ({known[1]}), or of other settings:"
+                " choose another --out"
             )
         yield Ledger(connection)
     finally:

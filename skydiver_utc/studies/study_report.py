@@ -154,7 +154,7 @@ def sensitivity_table(plan: Plan, rows: Sequence[Row]) -> str:
     """Indices of each variation for the first metric, by case; runs without it make a case's undefined.
 
     SALib's first and total order (sobol), mean and deviation of elementary effects (morris), else Spearman's rank
-    correlation, in which a run without the metric counts as the worst.
+    correlation, in which a run without the metric counts as the largest; "-" where there is none.
     """
     study = plan.study
     shown = {"sobol": ("S1", "ST"), "morris": ("mu_star", "sigma")}.get(study.sampler, ("rank correlation",))
@@ -165,9 +165,13 @@ def sensitivity_table(plan: Plan, rows: Sequence[Row]) -> str:
         found = np.array([value if _is_number(value) else np.inf for value in values])
         indices = _indices(plan, own, found)
         for k, name in enumerate(study.vary):
-            cells = (f"{indices[index][k]:.2f}" if indices else "-" for index in shown)
+            cells = (_index(indices[index][k]) if indices else "-" for index in shown)
             lines.append((case, name, *cells))
     return table(("case", "", *shown), lines)
+
+
+def _index(value: float) -> str:
+    return "-" if np.isnan(value) else f"{value:.2f}"
 
 
 def _indices(plan: Plan, rows: Sequence[Row], found: Any) -> Any:

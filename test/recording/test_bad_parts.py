@@ -72,6 +72,7 @@ def test_a_message_with_an_impossible_time_is_left_out(
         ("/notes", "cdr", ("pkg/msg/Own", "ros2msg", b"Own self\n")),
         ("/notes", "cdr", ("pkg/msg/Own", "ros2msg", b"wstring text\n")),
         ("/notes", "cdr", ("pkg/msg/Own", "ros2msg", b"string[9999999] texts\n")),
+        ("/notes", "cdr", ("3p/msg/Own", "ros2msg", b"int32 a\n")),
     ],
 )
 def test_what_is_no_ros_message_is_ignored_and_recovered(

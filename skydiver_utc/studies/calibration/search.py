@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.studies.calibration.candidate import numbers_of
@@ -38,15 +39,17 @@ def search(
     done: list[Evaluation] = []
     asked = _asked(calibration, start, seed, done)
     with ledger(folder, calibration.name, whole) as kept:
-        known = [Evaluation.model_validate(row.metrics) for row in kept.rows()]
+        other = ParameterError(f"{folder / FILE} is of another version of this package: move it away")
+        try:
+            known = [Evaluation.model_validate(row.metrics) for row in kept.rows()]
+        except ValidationError as error:
+            raise other from error
         while len(done) < evaluations and not (done and all(done[-1].met)):
             numbers = next(asked)
             if len(done) < len(known):
                 one = known[len(done)]
                 if one.numbers != numbers:
-                    raise ParameterError(
-                        f"{folder / FILE} is of another version of this package: move it away"
-                    )
+                    raise other
             else:
                 one = evaluate(calibration, start, numbers)
                 kept.add(
