@@ -137,7 +137,11 @@ def _text(value: object, unit: str = "") -> "Text":
     if isinstance(value, list):
         return Text("  ").join(_text(item, unit) for item in value)
     if isinstance(value, float):
-        return Text(f"{round(value, 3):.12g}" if unit == "s" and abs(value) >= 1.0 else f"{value:.4g}")
+        return Text(
+            f"{round(value, 3):.12g}"
+            if unit == "s" and abs(value) >= 1.0
+            else f"{round(value, 12) + 0.0:.4g}"
+        )
     return Text("-" if value is None else printable(str(value)))
 
 
