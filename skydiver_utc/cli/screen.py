@@ -137,11 +137,8 @@ def _text(value: object, unit: str = "") -> "Text":
     if isinstance(value, list):
         return Text("  ").join(_text(item, unit) for item in value)
     if isinstance(value, float):
-        return Text(
-            f"{round(value, 3):.12g}"
-            if unit == "s" and abs(value) >= 1.0
-            else f"{round(value, 12) + 0.0:.4g}"
-        )
+        is_time = unit == "s" and abs(value) >= 1.0
+        return Text(f"{round(value, 3):.12g}" if is_time else f"{round(value, 12) + 0.0:.4g}")
     return Text("-" if value is None else printable(str(value)))
 
 
