@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
@@ -195,6 +196,20 @@ def test_rosbags_agrees_about_the_metadata(bag, sent):
                 "TRANSIENT_LOCAL",
             )
         assert folder.ros_distro == os.environ.get("ROS_DISTRO", "jazzy")
+
+
+def test_mcap_ros2_support_reads_the_file(bag, sent):
+    groups = by_topic(sent)
+    seen = dict.fromkeys(groups, 0)
+    with (bag / "flight_0.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for schema, channel, raw, message in reader.iter_decoded_messages():
+            item = groups[channel.topic][seen[channel.topic]]
+            assert (schema.name, raw.log_time) == (item.type_name, item.log_time_ns)
+            assert (raw.publish_time, raw.sequence) == (item.publish_time_ns, seen[channel.topic])
+            assert_same(item.message, message)
+            seen[channel.topic] += 1
+    assert seen == {topic: len(items) for topic, items in groups.items()}
 
 
 @pytest.mark.parametrize("what", ["folder", "file", "folder without metadata"])
