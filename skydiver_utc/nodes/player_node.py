@@ -136,7 +136,7 @@ class PlayerNode(Node):
 
 
 def _message_class(topic: RecordedTopic) -> Any:
-    """The installed class of the recorded type, if its definition is the same."""
+    """The installed class of the recorded type, unless that was recorded with another definition than ROS 2 Jazzy's."""
     package, _, name = topic.type_name.partition("/msg/")
     try:
         found = getattr(importlib.import_module(f"{package}.msg"), name)
@@ -146,7 +146,7 @@ def _message_class(topic: RecordedTopic) -> Any:
         ) from error
     if topic.type_hash and type_hash(topic.type_name) not in ("", topic.type_hash):
         raise ParameterError(
-            f"{topic.name} was recorded with another definition of {topic.type_name} than the installed one: play"
+            f"{topic.name} was recorded with another definition of {topic.type_name} than ROS 2 Jazzy's: play"
             " it where it was recorded, or choose other topics"
         )
     return found
