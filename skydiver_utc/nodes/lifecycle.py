@@ -109,6 +109,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
             getattr(self, transition)()
         except REFUSALS as error:
             self._error = error
+            self.active = self.active and not self.shut_down
             self.last_transition = f"{transition} refused: {error}"
             self.get_logger().error(f"cannot {transition}: {error}")
             return TransitionCallbackReturn.FAILURE

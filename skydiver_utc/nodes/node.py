@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from typing import Any, ClassVar
 
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -27,6 +27,7 @@ from skydiver_utc.parameters.nodes import resolve, scalars
 _DIAGNOSTICS_PERIOD_S = 1.0
 _STARTUP_POLL_S = 0.02
 _PATIENCE_S = 5.0
+_NEW_S = 10.0  # how long a node looks for another one of its name; discovery takes up to 3 s
 
 
 class ScenarioNode(ManagedNode):
@@ -82,6 +83,14 @@ class ScenarioNode(ManagedNode):
     def is_live(self, name: str) -> bool:
         """True for a parameter that can be set while the node runs."""
         return False
+
+    def set_parameters_atomically(self, parameter_list: list[Any]) -> SetParametersResult:
+        """Set all or none; called by rclpy for each request, whose own sentence names no unknown parameter."""
+        for parameter in parameter_list:
+            if not self.has_parameter(parameter.name):
+                reason = f"there is no parameter {parameter.name}"
+                return SetParametersResult(successful=False, reason=reason)
+        return super().set_parameters_atomically(parameter_list)
 
     def begin_when(self, ready: Callable[[], bool], begin: Callable[[], None]) -> None:
         """Call `begin` once, as soon as `ready` and unless `end_startup` comes before."""
@@ -201,10 +210,12 @@ class ScenarioNode(ManagedNode):
         return time.monotonic() - self._started_at
 
     def _on_diagnostics(self, message: Any) -> None:
-        """End where an older node of this name and namespace is running.
+        """While this node is new: end where an older node of this name and namespace is running.
 
         The publishers of a process that was killed stay in the graph for a while; diagnostics show which nodes run.
         """
+        if self._age_s > _NEW_S:
+            return
         for status in message.status:
             if status.name != self._full_name:
                 continue

@@ -240,7 +240,7 @@ def test_what_was_set_before_a_run_counts_from_its_beginning(stage: Stage) -> No
         ("controller.gain", -1.0, "gain"),
         ("controller.gain", float("nan"), "gain"),
         ("controller.gain", "much", "type"),
-        ("controller.gian", 1.0, "undeclared"),
+        ("controller.gian", 1.0, "controller.gian"),
         ("duration_s", 1.0, "duration_s"),
         ("mode", "real_time", "mode"),
         ("reference.amplitude", 1.0, "amplitude"),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lifecycle: what each transition does, called as `ros2 lifecycle` calls it; and the diagnostics."""
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.messages import read_named, read_outcome
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.controller_node import ControllerNode
+from skydiver_utc.nodes.lifecycle import RefusedError
 from skydiver_utc.nodes.plant_node import PlantNode
 from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.parameters import ParameterError, load_scenario
@@ -181,6 +183,20 @@ def test_an_error_of_the_program_finalizes_the_node(
     assert node.finished
 
 
+def test_a_node_that_refuses_to_shut_down_is_not_active(
+    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = Stage(ros, tmp_path).add("reference")
+
+    def refuse() -> None:
+        raise RefusedError("not now")
+
+    monkeypatch.setattr(node, "shutdown", refuse)
+    assert not Manager(ros, "reference").transition(SHUTDOWN_ACTIVE)
+    assert node.finished
+    assert not node.active
+
+
 def test_a_refused_node_leaves_nothing_behind(ros: Ros, tmp_path: Path) -> None:
     partner = ros.partner()
     with pytest.raises(ParameterError):
@@ -214,13 +230,18 @@ def test_every_node_publishes_how_it_is_once_a_second(ros: Ros, tmp_path: Path) 
     assert plant.grid.step_of(messages[0].header.stamp) == 0
 
 
-@pytest.mark.parametrize("values", [{}, {"id": "another", "age_s": "old"}])
-def test_a_foreign_status_of_its_name_does_not_end_a_node(
-    ros: Ros, tmp_path: Path, values: dict[str, str]
+@pytest.mark.parametrize(
+    ("values", "age_s"),
+    [({}, 0.0), ({"id": "another", "age_s": "old"}, 0.0), ({"id": "another", "age_s": "100.0"}, 11.0)],
+)
+def test_a_foreign_or_a_late_status_of_its_name_does_not_end_a_node(
+    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, values: dict[str, str], age_s: float
 ) -> None:
-    """Only the age of another node of this package makes a node the second of its name."""
+    """Only another node of this package makes a new node the second of its name; after 10 s it is not new."""
     stage = Stage(ros, tmp_path)
     reference = stage.add("reference")
+    now_s = time.monotonic
+    monkeypatch.setattr(time, "monotonic", lambda: now_s() + age_s)
     diagnostics = stage.spectator.publisher(topics.DIAGNOSTICS)
     ros.spin_until(lambda: diagnostics.get_subscription_count() and reference.active)
     pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
@@ -231,6 +252,7 @@ def test_a_foreign_status_of_its_name_does_not_end_a_node(
     clocks.publish(topics.CLOCK.type())
     ros.spin_until(lambda: reference.refusals.counts["stamp"] == 1)
     assert reference.active
+    assert not reference.refused
 
 
 def test_a_plant_beside_one_of_another_name_is_refused(ros: Ros, tmp_path: Path) -> None:
