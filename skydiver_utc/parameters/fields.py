@@ -99,6 +99,8 @@ def _lists_and_blocks(settings: type[BaseModel]) -> tuple[frozenset[str], frozen
     return (
         frozenset(name for name, kind in types.items() if get_origin(kind) is list),
         frozenset(
-            name for name, kind in types.items() if isinstance(kind, type) and issubclass(kind, Parameters)
+            name
+            for name, kind in types.items()
+            if get_origin(kind) is None and isinstance(kind, type) and issubclass(kind, Parameters)
         ),
     )
