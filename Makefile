@@ -26,7 +26,7 @@ help:
 	@echo "make test-fast the tests that start no processes and take seconds"
 	@echo "make lowest    the tests of test-fast with the lowest versions of setup.py on LOWEST_PYTHON ($(LOWEST_PYTHON)); highest: the newest on HIGHEST_PYTHON ($(HIGHEST_PYTHON))"
 	@echo "make fuzz      damaged scenarios, CSV files, recordings and messages, FUZZ=$(FUZZ) of each kind from SEED=$(SEED); some minutes"
-	@echo "make mutants   the core with one operator, number or statement changed, MUTANTS=$(MUTANTS) times from SEED=$(SEED): do its tests see it; a quarter of an hour of one core"
+	@echo "make mutants   the core with one operator, number or statement changed, MUTANTS=$(MUTANTS) times from SEED=$(SEED): do its tests see it; some half an hour of one core"
 	@echo "make kills     kill the recorder 20 times during a run, count what is recovered"
 	@echo "make lint      ruff and mypy"
 	@echo "make docs      the documentation site, into build/site; runs every example; some minutes; ARGS=-Dplot_gallery=0: none of them"
