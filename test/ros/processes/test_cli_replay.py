@@ -5,21 +5,26 @@ from pathlib import Path
 
 import pytest
 from command_line import PATIENCE_S, start
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from ros_fixtures import Ros
 from std_msgs.msg import String
 
 from bags import START_NS, Row, text_message
+from skydiver_utc.recording.metadata import offered_qos
 from skydiver_utc.recording.schemas import message_schema
 from skydiver_utc.recording.writer import BagWriter
 
 pytest_plugins = ("ros_fixtures",)
 pytestmark = pytest.mark.processes
+# A subscriber matches the player some time after the player has matched it: with this none is too late.
+EVERY = QoSProfile(depth=100, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def bag(folder: Path) -> Path:
     rows = [Row("/text", START_NS + k * 10**7, 1, text_message(str(k))) for k in range(30)]
     with BagWriter(folder) as writer:
-        text = writer.add_topic("/text", *message_schema("std_msgs/msg/String"), "")
+        latched = offered_qos(EVERY.depth, "RELIABLE", "TRANSIENT_LOCAL")
+        text = writer.add_topic("/text", *message_schema("std_msgs/msg/String"), latched)
         clock = writer.add_topic("/clock", *message_schema("rosgraph_msgs/msg/Clock"), "")
         for row in rows:
             writer.write(text, row.cdr, row.log_time, row.publish_time)
@@ -32,7 +37,7 @@ def test_a_recording_is_played_and_rejected_messages_are_counted(
 ) -> None:
     texts: list[str] = []
     partner = ros.partner()
-    partner.create_subscription(String, "/text", lambda message: texts.append(message.data), 100)
+    partner.create_subscription(String, "/text", lambda message: texts.append(message.data), EVERY)
     process = start("replay", bag(tmp_path / "bag"), "--rate", "2", ROS_DOMAIN_ID=domain)
     # Of what the player has sent, some is received after its end.
     ros.spin_until(lambda: process.poll() is not None and (process.returncode != 0 or len(texts) >= 30))
@@ -45,7 +50,7 @@ def test_a_recording_is_played_and_rejected_messages_are_counted(
 def test_a_loop_is_ended_by_ctrl_c(ros: Ros, domain: int, tmp_path: Path) -> None:
     texts: list[str] = []
     partner = ros.partner()
-    partner.create_subscription(String, "/text", lambda message: texts.append(message.data), 100)
+    partner.create_subscription(String, "/text", lambda message: texts.append(message.data), EVERY)
     process = start(
         "replay", bag(tmp_path / "bag"), "--loop", "--rate", "5", "--topics", "/text", ROS_DOMAIN_ID=domain
     )
