@@ -6,16 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.controllers.limits import LimitedController, limit
-from skydiver_utc.controllers.protocol import Decision, Status
+from skydiver_utc.controllers.limits import KEPT_PREVIOUS, SATURATED, SOLVED, LimitedController, limit
+from skydiver_utc.controllers.protocol import Decision
 from skydiver_utc.controllers.settings import PoseSettings
 from skydiver_utc.jit import by_address, contents, unfused
 from skydiver_utc.plants.protocol import Plant
 
 Array = NDArray[np.float64]
-_STATUS = tuple(Status)
-# Literals for the program.
-_SOLVED, _SATURATED, _KEPT_PREVIOUS = int(Status.SOLVED), int(Status.SATURATED), int(Status.KEPT_PREVIOUS)
 
 
 class Pose(NamedTuple):
@@ -66,7 +63,7 @@ class PoseController(LimitedController):
         out = self._out
         self._outputs_of(state, self._outputs)
         self._move(self._outputs, preview, out)
-        return Decision(self._previous.copy(), out[:-1].copy(), _STATUS[int(out[-1])])
+        return self._decision(out)
 
 
 @unfused
@@ -82,7 +79,7 @@ def move(outputs: Array, preview: Array, numbers: Pose, out: Array) -> None:
     feed_forward = p.K_FF * preview[0, 0]
     alpha = p.K_p * error + feed_forward
     if not abs(alpha) < np.inf:
-        out[0], out[1], out[2] = 0.0, 0.0, _KEPT_PREVIOUS
+        out[0], out[1], out[2] = 0.0, 0.0, KEPT_PREVIOUS
         return
     wanted = np.zeros(p.previous.shape[0])
     wanted[p.damping_at], wanted[p.alpha_at] = p.Cm_damp_yaw, alpha
@@ -91,4 +88,4 @@ def move(outputs: Array, preview: Array, numbers: Pose, out: Array) -> None:
         wanted[p.damping_at] = share * (p.Cm_damp_yaw + p.Cm_damp_body) - p.Cm_damp_body
     limit(wanted, p.limits, p.previous)
     out[0], out[1] = error, alpha
-    out[2] = _SOLVED if p.previous[p.alpha_at] == alpha else _SATURATED
+    out[2] = SOLVED if p.previous[p.alpha_at] == alpha else SATURATED
