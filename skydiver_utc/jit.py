@@ -197,7 +197,7 @@ def _layout(value: Any) -> list[int]:
 def by_address(parts: Sequence[tuple[Any, Any]], *example: Any) -> Callable[..., None]:
     """Jitted functions (..., numbers, out), each with its own numbers in memory, one after the other in one call.
 
-    example: arguments without the numbers, one or two and out; those of a call must be C-contiguous and of these types
+    example: arguments without the numbers, up to three and out; those of a call must be C-contiguous and of these types
     """
     placed = [InMemory(numbers) for _, numbers in parts]
     functions = [
@@ -205,7 +205,7 @@ def by_address(parts: Sequence[tuple[Any, Any]], *example: Any) -> Callable[...,
         for (function, _), numbers in zip(parts, placed, strict=True)
     ]
     where = np.array([functions, [numbers.address for numbers in placed]])
-    run = _Call(_run_one if len(example) == 2 else _run_two, where)
+    run = _Call((_run_one, _run_two, _run_three)[len(example) - 2], where)
     run.kept = parts, placed  # Machine code and numbers live as long as what calls them.
     return run
 
@@ -219,14 +219,13 @@ class _Call(partial[None]):
         raise TypeError("machine code cannot be sent to another process")
 
 
-def for_rows(function: Callable[..., None], first: Any, out: Any) -> None:
-    """function(row, row of out) for each row of `first`, in one call where it is one by address."""
+def for_rows(function: Callable[..., None], *arrays: Any) -> None:
+    """function(row, ..., row of out) for each row of one or two arrays and out, in one call if it is by address."""
     if isinstance(function, _Call):
-        (parts,) = function.args
-        _run_rows(parts, first, out)
+        (_rows_of_one if len(arrays) == 2 else _rows_of_two)(*function.args, *arrays)
         return
-    for row, of_row in zip(first, out, strict=True):
-        function(row, of_row)
+    for rows in zip(*arrays, strict=True):
+        function(*rows)
 
 
 def address(function: Any, *example: Any) -> int:
@@ -421,6 +420,18 @@ def _run_two(parts: Any, first: Any, second: Any, out: Any) -> None:
 
 
 @program
-def _run_rows(parts: Any, first: Any, out: Any) -> None:
+def _run_three(parts: Any, first: Any, second: Any, third: Any, out: Any) -> None:
+    for i in range(parts.shape[1]):
+        call(parts[0, i], (first, second, third, parts[1, i], out))
+
+
+@program
+def _rows_of_one(parts: Any, first: Any, out: Any) -> None:
     for row in range(first.shape[0]):
         _run_one(parts, first[row], out[row])
+
+
+@program
+def _rows_of_two(parts: Any, first: Any, second: Any, out: Any) -> None:
+    for row in range(first.shape[0]):
+        _run_two(parts, first[row], second[row], out[row])

@@ -228,10 +228,7 @@ class RollOut:
         compiled: Callable[..., None] | None = None
         if self._compiled is not None:
             compiled = by_address([*first, (roll_out, self._compiled[1]), *last], *example)
-        in_python = [
-            (interpreted(text, call=self._guarded, contents=_itself), its_numbers)
-            for text, its_numbers in [*first, (roll_out, self._setup), *last]
-        ]
+        in_python: list[tuple[Any, Any]] = []
 
         def run(state: Array, preview: Array, out: Array) -> None:
             self.cause = ""
@@ -244,6 +241,10 @@ class RollOut:
                     pass  # Compiled code cannot go on with the other points: the same again from Python.
                 else:
                     return
+            if not in_python:
+                for text, its_numbers in [*first, (roll_out, self._setup), *last]:
+                    same = interpreted(text, call=self._guarded, contents=_itself)
+                    in_python.append((same, its_numbers))
             with np.errstate(all="ignore"):
                 for function, its_numbers in in_python:
                     function(state, preview, its_numbers, out)

@@ -39,7 +39,7 @@ class PlantSteps:
         self.reset()
         # Compiled before the run.
         command = self.applied[: len(self.plant.control_names)]
-        self.plant.step(self.plant.initial_state(), self.applied, self.plant.actuate(command, self.applied))
+        self.plant.advance(self.plant.initial_state(), self.applied, command)
 
     def reset(self) -> None:
         """Before a run."""
@@ -67,8 +67,8 @@ class PlantSteps:
         if self._share < 1.0:
             bounded = np.minimum(np.maximum(command, self.plant.minimum), self.plant.maximum)
             command = self._lagged = self._lagged + self._share * (bounded - self._lagged)
-        before, self.applied = self.applied, self.plant.actuate(command, self.applied)
-        state = self.plant.step(self.state, before, self.applied)
+        before = self.applied
+        state, self.applied = self.plant.advance(self.state, before, command)
         self.k += 1
         state = self.disturbance.state(self.k, state)
         if self._resets:

@@ -116,7 +116,7 @@ class Run:
         """True where the reference is for outputs, False where it is for controls (open loop)."""
         return set(self.tracked_names) <= set(self.plant.output_names)
 
-    @property
+    @cached_property
     def error(self) -> Array | None:
         """Tracked outputs less their reference (K+1, l); None for open loop."""
         if not self.tracks_outputs:

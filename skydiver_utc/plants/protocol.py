@@ -136,7 +136,8 @@ class Plant(ABC):
 
     def __getstate__(self) -> dict[str, Any]:
         """Of a plant that goes to another process: machine code stays behind, where its addresses hold."""
-        return {name: value for name, value in self.__dict__.items() if name != "bound_model"}
+        made = {name for one in type(self).__mro__ for name in vars(one) if isinstance(vars(one)[name], cached_property)}
+        return {name: value for name, value in self.__dict__.items() if name not in made}
 
     @abstractmethod
     def initial_state(self) -> Array:
@@ -185,6 +186,11 @@ class Plant(ABC):
         following = np.empty(len(self.state_names))
         self.bound_model.step(state, self.step_control(before, applied), following)
         return following
+
+    def advance(self, state: Array, before: Array, command: Array) -> tuple[Array, Array]:
+        """State (n,) and the actuators' state (a,) one step later, under a command (m,)."""
+        applied = self.actuate(command, before)
+        return self.step(state, before, applied), applied
 
     def outputs(self, states: Array) -> Array:
         """All outputs (..., L) of states (..., n)."""

@@ -34,6 +34,7 @@ class CouplingSchedule:
                 f"coupling is for controls that this plant does not have: {', '.join(sorted(missing))}"
             )
         self._settings, self._variances = settings, variances
+        self._signs, self._by_damping = settings.signs, settings.alpha_sign == "damping"
         self._row = names.index("Cm_damp_yaw")
         self._columns = [names.index(name) for name in ("k_right", "k_left", "alpha")]
         self._sizes = np.array([settings.k_right, settings.k_left, settings.alpha])
@@ -60,7 +61,7 @@ class CouplingSchedule:
 
     def initial_covariance(self, preview: Array) -> Array:
         """Pu (m, m) at k = 0, with the raw s14 = -1 and the signs at the first step."""
-        now, following = preview[:2].tolist()
+        now, following = preview.item(0), preview.item(1)
         s12, s13 = self._hand_signs(now, following)
         return self._matrix(s12, s13, self._signed(-1.0, now, preview), 1.0)
 
@@ -69,16 +70,17 @@ class CouplingSchedule:
 
         control (m,): the one in force
         """
-        now, following = preview[:2].tolist()
+        now, following = preview.item(0), preview.item(1)
         s12, s13 = self._hand_signs(now, following)
-        if self._settings.alpha_sign == "damping":
+        if self._by_damping:
             s14 = 1.0 if control[self._row] > self._settings.low_damping else -1.0
         else:
             s14 = self._s14(now, following, preview)
-        return self._scaled(s12, s13, self._signed(s14, now, preview), self._demand(preview))
+        demand = 1.0 if self._full_change == 0.0 else self._demand(preview)
+        return self._scaled(s12, s13, self._signed(s14, now, preview), demand)
 
     def _hand_signs(self, now: float, following: float) -> tuple[float, float]:
-        match self._settings.signs:
+        match self._signs:
             case "yaw_rate":
                 return _sign(now), -_sign(now)
             case "yaw_acceleration":
@@ -88,10 +90,9 @@ class CouplingSchedule:
 
     def _s14(self, now: float, following: float, preview: Array) -> float:
         """eq:s14 without the sign of the turn; a sign of zero keeps the value before."""
-        before, after = now, following
         if self._s14_raw <= 0:
-            before, after = preview[self._k_hyst : self._k_hyst + 2].tolist()
-        change = abs(after) - abs(before)
+            now, following = preview.item(self._k_hyst), preview.item(self._k_hyst + 1)
+        change = abs(following) - abs(now)
         if change != 0.0:
             self._s14_raw = -_sign(change)
         return self._s14_raw
@@ -107,13 +108,11 @@ class CouplingSchedule:
 
     def _demand(self, preview: Array) -> float:
         """The share of the row that is in force: the largest change ahead against that of full coupling."""
-        if self._full_change == 0.0:
-            return 1.0
         return float(np.clip(np.abs(np.diff(preview)).max() / self._full_change, _LEAST_DEMAND, 1.0))
 
     def _noise(self, s12: float, s13: float, s14: float, demand: float) -> Array:
         matrix = self._matrix(s12, s13, s14, demand)
-        if self._settings.alpha_sign == "damping":
+        if self._by_damping:
             values, vectors = np.linalg.eigh(matrix)
             matrix = (vectors * np.maximum(values, 0.0)) @ vectors.T
         return matrix

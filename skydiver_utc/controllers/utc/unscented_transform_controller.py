@@ -306,11 +306,8 @@ class UnscentedTransformController(Tunable):
             self._begin_from(self._first_Pu(preview))
             self._started = True
         if Qu is None:
-            Qu = (
-                self._Qu
-                if self._coupling is None
-                else self._coupling.process_noise(preview[:, 0], self._law.control)
-            )
+            of = self._coupling
+            Qu = self._Qu if of is None else of.process_noise(preview[:, 0], self._law.control)
         if self._outputs.not_known:
             self._derive_P_err(state, preview)
         self._law.Qu[:] = Qu

@@ -2,13 +2,41 @@
 """The actuators of the skydiver: bounds of the control, and the limbs on their way to a pattern angle."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skydiver_utc.jit import unfused
+from skydiver_utc.jit import call, contents, unfused
 
 Array = NDArray[np.float64]
+
+
+class Advance(NamedTuple):
+    """Numbers of a step with the actuators in it.
+
+    limits (2, 4) of the control; limbs (3,): step [s], largest change of alpha in a step [rad], largest acceleration of
+    alpha [rad/s2]; without reaction alpha has no inertia
+    step, model: addresses of the model's step and of its numbers; control (10,): scratch
+    """
+
+    limits: Array
+    limbs: Array
+    reaction: bool
+    step: int
+    model: int
+    control: Array
+
+
+@unfused
+def advanced(state: Array, before: Array, command: Array, numbers: Advance, out: Array) -> None:
+    """Write state (13,) and actuators (5,) one step later, under a command (4,)."""
+    p = contents(numbers)
+    after = out[13:]
+    actuated(command, before, p.limits, p.limbs, p.reaction, after)
+    p.control[:5] = after
+    p.control[5:] = before
+    call(p.step, (state, p.control if p.reaction else p.control[:4], p.model, out[:13]))
 
 
 @unfused
@@ -17,10 +45,7 @@ def actuated(
 ) -> None:
     """Write the actuators' next state (5,), control and rate of alpha [rad/s], under a command (4,): eq:lim.
 
-    limits (2, 4) of the control; limbs (3,): step [s], largest change of alpha in a step [rad], largest acceleration of
-    alpha [rad/s2]; without reaction alpha has no inertia
-
-    With it the rate changes evenly over the step, to the largest from which the rest can still be braked; the last
+    With reaction the rate changes evenly over the step, to the largest from which the rest can still be braked; the last
     steps halve the distance and then stop.
     """
     for c in range(4):

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.jit import for_rows
 from skydiver_utc.plants.protocol import Model
 from skydiver_utc.rotations import world_up
 
@@ -52,30 +53,28 @@ def fastest_damping(model: Model, initial: Array, alpha: float) -> FastestDampin
     constants = model.parameters._replace(dt=_STEP_S, work=np.full_like(model.parameters.work, np.nan))
     low, high = constants.control_min, constants.control_max
     step = model._replace(parameters=constants).bound(len(high), 4).step
-    initial_speed = float(np.linalg.norm(initial[7:10]))
-    down, state, following = -world_up(initial), initial.copy(), np.empty(len(initial))
+    down = -world_up(initial)
 
-    def accelerations(speed: float, rates: Array, control: Array) -> Array:
-        """Linear and angular ones (6,) in body axes, falling straight down."""
-        state[7:10], state[10:13] = speed * down, rates
-        step(state, control, following)
-        changed: Array = following[7:13] - state[7:13]
+    def accelerations(speed: float, rates: Array, controls: Array) -> Array:
+        """Linear and angular ones (K, 6) in body axes, falling straight down with body rates (K, 3)."""
+        states, following = np.tile(initial, (len(rates), 1)), np.empty((len(rates), len(initial)))
+        states[:, 7:10], states[:, 10:13] = speed * down, rates
+        for_rows(step, states, controls, following)
+        changed: Array = following[:, 7:13] - states[:, 7:13]
         return changed / _STEP_S
 
-    def of_rates(alpha: float) -> list[Array]:
-        """The changes of the accelerations (6,) from a rate about each axis to its opposite."""
-        held = np.array([high[0], 0.0, 0.0, alpha])
-        return [accelerations(_SPEED, d, held) - accelerations(_SPEED, -d, held) for d in _RATE * np.eye(3)]
-
-    def terminal_speed(hands: Array) -> float:
-        control = np.array([high[0], *hands, alpha])
-        pull = float(down @ accelerations(0.0, np.zeros(3), control)[:3])
-        drag = pull - float(down @ accelerations(_SPEED, np.zeros(3), control)[:3])
-        return _SPEED * float(np.sqrt(max(pull, 0.0) / drag))
-
-    changes = np.array([of_rates(alpha) for alpha in np.linspace(low[3], high[3], _ALPHAS)])
+    # From a rate about each axis to its opposite, at each pattern angle.
+    rates = np.tile(_RATE * np.eye(3), (_ALPHAS, 1))
+    held = np.zeros((len(rates), 4))
+    held[:, 0], held[:, 3] = high[0], np.repeat(np.linspace(low[3], high[3], _ALPHAS), 3)
+    changes = accelerations(_SPEED, rates, held) - accelerations(_SPEED, -rates, held)
+    # The speed at which the drag, which grows with its square, is the pull.
+    hands = np.array([[high[0], *most, alpha] for most in (low[1:3], high[1:3])])
+    pull, net = (accelerations(speed, np.zeros((2, 3)), hands)[:, :3] @ down for speed in (0.0, _SPEED))
+    terminal_speeds = _SPEED * np.sqrt(np.maximum(pull, 0.0) / (pull - net))
+    changes = changes.reshape(_ALPHAS, 3, 6)
     values, vectors = np.linalg.eig(changes[:, :, 3:].transpose(0, 2, 1) / (2.0 * _RATE))
     fastest, i = np.unravel_index(np.argmax(np.abs(values)), values.shape)
     axis = _AXES[int(np.argmax(np.abs(vectors[fastest, :, i])))]
-    speed = max(initial_speed, terminal_speed(low[1:3]), terminal_speed(high[1:3]))
+    speed = max(float(np.linalg.norm(initial[7:10])), *map(float, terminal_speeds))
     return FastestDamping(axis, float(np.abs(values[fastest, i])) * speed / _SPEED)

@@ -3,7 +3,8 @@
 
 import math
 from collections.abc import Mapping
-from typing import ClassVar
+from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +13,11 @@ from skydiver_utc.body.movement import check_movement, movement
 from skydiver_utc.body.posture import configuration, joint_angle_names
 from skydiver_utc.body.segments import SEGMENTS, build_body, ellipsoids
 from skydiver_utc.body.urdf import urdf
-from skydiver_utc.jit import unfused
+from skydiver_utc.jit import InMemory, address, by_address, in_memory, unfused
 from skydiver_utc.parameters import SkydiverSettings
 from skydiver_utc.parameters.skydiver import CONTROLS
 from skydiver_utc.plants.protocol import Model, Plant, Reduced, Shape
-from skydiver_utc.plants.skydiver.actuators import actuated
+from skydiver_utc.plants.skydiver.actuators import Advance, actuated, advanced
 from skydiver_utc.plants.skydiver.dynamics import STATE_SIZE
 from skydiver_utc.plants.skydiver.longest_step import fastest_damping
 from skydiver_utc.plants.skydiver.model import PlantModel, build_model
@@ -107,6 +108,22 @@ class SkydiverPlant(Plant):
         after = np.empty(5)
         actuated(command, before, *self._actuators, after)
         return after
+
+    def advance(self, state: Array, before: Array, command: Array) -> tuple[Array, Array]:
+        """State (13,) and the actuators' state (5,) one step later, under a command (4,)."""
+        out = np.empty(STATE_SIZE + 5)
+        self._advanced(state, before, command, out)
+        return out[:STATE_SIZE], out[STATE_SIZE:]
+
+    @cached_property
+    def _advanced(self) -> Any:
+        model, scratch = InMemory(self.constants), np.empty(10)
+        step = address(in_memory(skydiver_step), self.initial_state(), scratch, model, self.initial_state())
+        numbers = Advance(*self._actuators, step, model.address, scratch)
+        example = self.initial_state(), scratch, scratch, scratch
+        run: Any = by_address([(advanced, numbers)], *example)
+        run.kept = run.kept, model
+        return run
 
     def step_control(self, before: Array, applied: Array) -> Array:
         """The state of the actuators after and before a step (10,), or the control (4,) where limbs do not react."""
