@@ -4,6 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.disturbances.protocol import STILL_AIR
 from skydiver_utc.jit import program
 from skydiver_utc.rotations import turn_into_body
 
@@ -12,6 +13,8 @@ Array = NDArray[np.float64]
 
 def in_moving_air(state: Array, wind: Array, before: Array, dt_s: float) -> Array:
     """A state (13,) relative to the air, which carries its place over dt_s, where the wind (3,) was another before."""
+    if wind is STILL_AIR and before is STILL_AIR:
+        return state
     moved = state.copy()
     _move(moved, wind, before, dt_s)
     return moved

@@ -2,6 +2,7 @@
 """All disturbances of a run as one."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,17 +24,17 @@ class Composed(Disturbance):
 
     def __init__(self, parts: Sequence[Disturbance], plant: Plant, dt_s: float) -> None:
         self.parts, self._dt_s = parts, dt_s
-        self._winds = [part.wind for part in parts if _writes(part, "wind")]
-        self._states = [part.state for part in parts if _writes(part, "state")]
-        self._measurements = [part.measurement for part in parts if _writes(part, "measurement")]
-        self.changes_measurements = bool(self._measurements)
+        winds, self._winds = _methods(parts, "wind")
+        _, self._states = _methods(parts, "state")
+        measurements, self._measurements = _methods(parts, "measurement")
+        self.changes_measurements = bool(measurements)
         self._step, self._wind = -1, STILL_AIR
         # Newest step, its state over ground, what is measured.
         self._measured: tuple[int, Array, Array] | None = None
-        self.names: tuple[str, ...] = ("wind_x", "wind_y", "wind_z") if self._winds else ()
-        if self._measurements:
+        self.names: tuple[str, ...] = ("wind_x", "wind_y", "wind_z") if winds else ()
+        if measurements:
             self.names += tuple(f"error_{name}" for name in plant.state_names)
-        if self._winds and plant.state_message != "odometry":
+        if winds and plant.state_message != "odometry":
             raise ParameterError(
                 "the plant's state has no velocity in the air: take the wind out, or fly a skydiver"
             )
@@ -41,10 +42,10 @@ class Composed(Disturbance):
     def wind(self, k: int) -> Array:
         """Velocity of the air (3,) in the world at step k [m/s]."""
         if self._winds and k != self._step:
-            first, *others = self._winds
-            self._step, self._wind = k, np.array(first(k), dtype=float)
-            for wind in others:
-                self._wind = self._wind + wind(k)
+            found, *others = (wind(k) for wind in self._winds)
+            for other in others:
+                found = found + other
+            self._step, self._wind = k, found if found is STILL_AIR else np.array(found, dtype=float)
         return self._wind
 
     def state(self, k: int, state: Array) -> Array:
@@ -58,7 +59,7 @@ class Composed(Disturbance):
 
     def measurement(self, k: int, state: Array) -> Array:
         """The measured state (n,) at step k."""
-        if not self._measurements:
+        if not self.changes_measurements:
             return self.over_ground(k, state)
         if self._measured is not None and self._measured[0] == k:
             return self._measured[2]
@@ -74,12 +75,12 @@ class Composed(Disturbance):
 
     def acted(self, k: int, state: Array) -> Array:
         """By `names`: the wind [m/s] and the error of what is measured at a state (n,) of step k."""
-        if not self._measurements:
+        if not self.changes_measurements:
             return self.wind(k)[: len(self.names)]
         measured = self.measurement(k, state)
         assert self._measured is not None
         error: Array = measured - self._measured[1]
-        return np.concatenate((self.wind(k), error)) if self._winds else error
+        return np.concatenate((self.wind(k), error)) if len(self.names) > len(error) else error
 
     def reset(self) -> None:
         """Forget the run so far."""
@@ -88,5 +89,7 @@ class Composed(Disturbance):
             part.reset()
 
 
-def _writes(part: Disturbance, name: str) -> bool:
-    return getattr(type(part), name) is not getattr(Disturbance, name)
+def _methods(parts: Sequence[Disturbance], name: str) -> tuple[list[Disturbance], list[Any]]:
+    """The parts that write a method, and the method of those that act."""
+    found = [part for part in parts if getattr(type(part), name) is not getattr(Disturbance, name)]
+    return found, [getattr(part, name) for part in found if part.acts]

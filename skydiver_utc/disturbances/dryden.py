@@ -52,6 +52,7 @@ class DrydenTurbulence(Disturbance):
                 f"the plant starts with {speed:g} m/s in the air: turbulence needs one that moves through it"
             )
         self._sigma, self._seed = settings.sigma_m_s, seed
+        self.acts = self._sigma > 0.0
         self._axes = _axes(velocity / speed)
         self._transition, self._covariance = filters(dt_s * speed / settings.scale_m)
         self._rows = Rows(self._blocks)

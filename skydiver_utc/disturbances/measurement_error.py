@@ -44,15 +44,13 @@ class MeasurementError(Disturbance):
         self._noise, self._bias = _by_state(settings.noise, plant), _by_state(settings.bias, plant)
         self._walk = np.sqrt(dt_s) * _by_state(settings.drift, plant)
         given = np.abs(self._bias) + self._noise + self._walk
-        self._acts = bool(given.any())
+        self.acts = bool(given.any())
         self._turns = plant.state_message == "odometry" and bool(given[_ATTITUDE].any())
         self._seed = seed
         self._rows = Rows(self._blocks)
 
     def measurement(self, k: int, state: Array) -> Array:
         """The measured state (n,) at step k."""
-        if not self._acts:
-            return state
         error = self._rows[k]
         measured: Array = state + error
         if self._turns:

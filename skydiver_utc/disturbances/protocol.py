@@ -15,7 +15,10 @@ class Disturbance(Protocol):
 
     A class that inherits from this one writes only the methods that it needs. Steps come in rising order, some may be
     left out and some may come twice: what is random depends on seed and step alone (`Rows`).
+    acts: False where its settings make nothing of it
     """
+
+    acts: bool = True
 
     def wind(self, k: int) -> Array:
         """Velocity of the air (3,) in the world at step k [m/s]; the winds of all disturbances add up."""

@@ -35,15 +35,13 @@ class Transmission(Disturbance):
     def __init__(self, settings: Settings, plant: Plant, dt_s: float, seed: tuple[int, int]) -> None:
         self._delay, self._jitter = round(settings.delay_s / dt_s), round(settings.jitter_s / dt_s)
         self._loss, self._seed = settings.loss, seed
-        self._acts = self._delay + self._jitter > 0 or self._loss > 0.0
+        self.acts = self._delay + self._jitter > 0 or self._loss > 0.0
         self._newest = Rows(self._blocks)
         self._states: dict[int, Array] = {}  # by step: the one in use, and later ones
         self._used = 0
 
     def measurement(self, k: int, state: Array) -> Array:
         """The state (n,) that arrived last at step k."""
-        if not self._acts:
-            return state
         if not self._states:
             self._used = k
         self._states[k] = state.copy()

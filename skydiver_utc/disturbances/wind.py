@@ -40,7 +40,7 @@ class SteadyWind(Disturbance):
         kind: Literal["steady_wind"] = "steady_wind"
 
     def __init__(self, settings: Settings, plant: Plant, dt_s: float, seed: tuple[int, int]) -> None:
-        self._velocity = settings.velocity
+        self._velocity, self.acts = settings.velocity, settings.speed_m_s > 0.0
 
     def wind(self, k: int) -> Array:
         """Velocity of the air (3,) in the world at step k [m/s]."""
@@ -58,7 +58,7 @@ class Gust(Disturbance):
         duration_s: Annotated[float, quantity("s", "length of the gust", gt=0, le=600)]
 
     def __init__(self, settings: Settings, plant: Plant, dt_s: float, seed: tuple[int, int]) -> None:
-        self._velocity, self._dt_s = settings.velocity, dt_s
+        self._velocity, self._dt_s, self.acts = settings.velocity, dt_s, settings.speed_m_s > 0.0
         self._start_s, self._duration_s = settings.start_s, settings.duration_s
 
     def wind(self, k: int) -> Array:

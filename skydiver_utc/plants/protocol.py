@@ -136,8 +136,11 @@ class Plant(ABC):
 
     def __getstate__(self) -> dict[str, Any]:
         """Of a plant that goes to another process: machine code stays behind, where its addresses hold."""
-        made = {name for one in type(self).__mro__ for name in vars(one) if isinstance(vars(one)[name], cached_property)}
-        return {name: value for name, value in self.__dict__.items() if name not in made}
+        return {
+            name: value
+            for name, value in self.__dict__.items()
+            if not isinstance(getattr(type(self), name, None), cached_property)
+        }
 
     @abstractmethod
     def initial_state(self) -> Array:
@@ -226,3 +229,7 @@ class Plant(ABC):
     def mishap(self, state: Array) -> str:
         """A mishap that does not end the run, in words; empty without one."""
         return ""
+
+    def is_sound(self, state: Array) -> bool:
+        """Whether a state is neither a fault nor a mishap."""
+        return not (self.fault(state) or self.mishap(state))

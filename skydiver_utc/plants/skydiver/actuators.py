@@ -45,8 +45,8 @@ def actuated(
 ) -> None:
     """Write the actuators' next state (5,), control and rate of alpha [rad/s], under a command (4,): eq:lim.
 
-    With reaction the rate changes evenly over the step, to the largest from which the rest can still be braked; the last
-    steps halve the distance and then stop.
+    With reaction the rate changes evenly over the step, to the largest from which the rest can still be braked; the
+    last steps halve the distance and then stop.
     """
     for c in range(4):
         after[c] = min(max(command[c], limits[0, c]), limits[1, c])

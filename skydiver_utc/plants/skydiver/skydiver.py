@@ -165,31 +165,30 @@ class SkydiverPlant(Plant):
 
     def fault(self, state: Array) -> str:
         """Empty while speed and body rate are those of a falling body."""
-        if _falls(state):
+        if _is_sound(state, False):
             return ""
         speed, rate = math.hypot(*state[7:10]), math.hypot(*state[10:13])
         return f"the state left the model (speed {speed:.3g} m/s, body rate {rate:.3g} rad/s)"
 
     def mishap(self, state: Array) -> str:
         """The body rolled over, where the settings say belly to earth."""
-        upright = not self._belly_to_earth or _upright(state)
-        return "" if upright else "the dorsal axis went below the horizon"
+        return "" if self.is_sound(state) else "the dorsal axis went below the horizon"
+
+    def is_sound(self, state: Array) -> bool:
+        """Whether a state is neither a fault nor a mishap."""
+        return _is_sound(state, self._belly_to_earth)
 
 
 @unfused
-def _falls(state: Array) -> bool:
+def _is_sound(state: Array, upright: bool) -> bool:
     finite = True
     for value in state:
         finite &= abs(value) < np.inf
     vx, vy, vz, wx, wy, wz = state[7], state[8], state[9], state[10], state[11], state[12]
     slow = vx * vx + vy * vy + vz * vz < LARGEST_SPEED_M_S**2
-    return finite and slow and wx * wx + wy * wy + wz * wz < LARGEST_RATE_RAD_S**2
-
-
-@unfused
-def _upright(state: Array) -> bool:
+    falls = finite and slow and wx * wx + wy * wy + wz * wz < LARGEST_RATE_RAD_S**2
     above: bool = up_of_quaternion(state[3], state[4], state[5], state[6])[2] >= 0.0
-    return above
+    return falls and (above or not upright)
 
 
 def _quaternion(heading_deg: float, pitch_deg: float, bank_deg: float) -> Array:
