@@ -8,42 +8,26 @@ file that it names, checks types, bounds and names, and returns immutable object
 from skydiver_utc.errors import ParameterError
 from skydiver_utc.parameters.body import (
     JointLimits,
-    JointRange,
     Keyframe,
     MovementPattern,
     Pattern,
     Posture,
     PosturePath,
-    SegmentData,
     SegmentTable,
     Subject,
-    Suit,
 )
 from skydiver_utc.parameters.fields import Parameters, SlotSettings, quantity, text
 from skydiver_utc.parameters.leaves import Leaf, leaves
 from skydiver_utc.parameters.loading import from_yaml, load_scenario, override, scenario_names, to_yaml
 from skydiver_utc.parameters.scenario import Scenario
-from skydiver_utc.parameters.skydiver import (
-    Air,
-    Damping,
-    Hands,
-    InitialCondition,
-    Limbs,
-    Limits,
-    SkydiverSettings,
-)
+from skydiver_utc.parameters.skydiver import Damping, Limbs, SkydiverSettings
 
 __all__ = [
-    "Air",
     "Damping",
-    "Hands",
-    "InitialCondition",
     "JointLimits",
-    "JointRange",
     "Keyframe",
     "Leaf",
     "Limbs",
-    "Limits",
     "MovementPattern",
     "ParameterError",
     "Parameters",
@@ -51,12 +35,10 @@ __all__ = [
     "Posture",
     "PosturePath",
     "Scenario",
-    "SegmentData",
     "SegmentTable",
     "SkydiverSettings",
     "SlotSettings",
     "Subject",
-    "Suit",
     "from_yaml",
     "leaves",
     "load_scenario",

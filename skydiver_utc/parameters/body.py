@@ -18,6 +18,13 @@ PatternAngle = Annotated[float, quantity("rad", "pattern angle", ge=-2, le=2)]
 Component = Annotated[float, quantity("rad/rad", "joint angle per unit of pattern angle", ge=-1, le=1)]
 
 
+def rising(pair: tuple[float, float]) -> tuple[float, float]:
+    """The pair, which a setting's lower and upper bound are; ValueError where the upper one is not above."""
+    if not pair[0] < pair[1]:
+        raise ValueError(f"upside down: write the smaller of {pair[0]}, {pair[1]} first")
+    return pair
+
+
 class SegmentData(Parameters):
     """Inertial parameters of one segment as shares of the body's mass and the segment's length."""
 

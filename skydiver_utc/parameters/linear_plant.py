@@ -1,19 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Linear plants by their matrices; and such a plant with a tuning of UTC, for ``skydiver-utc stability``."""
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 from typing_extensions import Self
 
-from skydiver_utc.errors import ParameterError
-from skydiver_utc.parameters.conversion import field_errors
 from skydiver_utc.parameters.fields import Parameters, quantity, text
-from skydiver_utc.parameters.loading import config_folder
-from skydiver_utc.parameters.yaml_io import read_yaml
+from skydiver_utc.parameters.loading import load_named
 
 Matrix = tuple[tuple[float, ...], ...]
 Variance = Annotated[float, quantity("1", "a variance", gt=0)]
@@ -88,25 +84,6 @@ class TunedLinearSettings(LinearSettings):
         return self
 
 
-def linear_plant_names() -> list[str]:
-    """Names of the tuned linear plants that come with the package."""
-    return sorted(path.stem for path in (config_folder() / "linear_plants").glob("*.yaml"))
-
-
 def load_linear_plant(name_or_path: str) -> TunedLinearSettings:
     """A name below config/linear_plants or the path of a YAML file. Raises `ParameterError`."""
-    path = Path(name_or_path)
-    if not name_or_path.endswith((".yaml", ".yml")):
-        path = config_folder() / "linear_plants" / f"{name_or_path}.yaml"
-    if not path.is_file():
-        known = ", ".join(linear_plant_names())
-        raise ParameterError(
-            f"there is no linear plant {name_or_path!r}: choose one of {known}, or a YAML file"
-        )
-    content = read_yaml(path)
-    try:
-        return TunedLinearSettings.model_validate(content)
-    except ValidationError as error:
-        raise ParameterError(
-            f"{'; '.join(field_errors(error, content, TunedLinearSettings))} ({path})"
-        ) from error
+    return load_named(TunedLinearSettings, "linear_plant", name_or_path)

@@ -5,10 +5,12 @@ import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import BaseModel
 
 from skydiver_utc.errors import ParameterError, hint
-from skydiver_utc.parameters.conversion import Unresolved, convert
+from skydiver_utc.parameters.conversion import Unresolved, checked, convert
 from skydiver_utc.parameters.registry import refuse_other_code, search_modules_in
 from skydiver_utc.parameters.scenario import Scenario, merged
 from skydiver_utc.parameters.yaml_io import (
@@ -20,21 +22,13 @@ from skydiver_utc.parameters.yaml_io import (
     write_yaml,
 )
 
-# Fields whose value may be the name of a file: field -> folder below config/.
-_NAMED = {
-    "skydiver": "skydivers",
-    "subject": "subjects",
-    "segments": "segments",
-    "suit": "suits",
-    "joint_limits": "joint_limits",
-    "posture": "postures",
-    "pattern": "patterns",
-    "study": "studies",
-}
+# Fields whose value may be the name of a file; and the folders below config/ that are not called by the plural.
+_NAMED = ("skydiver", "subject", "segments", "suit", "joint_limits", "posture", "pattern")
+_FOLDERS = {"segments": "segments", "joint_limits": "joint_limits", "study": "studies"}
 _ENDINGS = (".yaml", ".yml")
+_Settings = TypeVar("_Settings", bound=BaseModel)
 _SLOTS_WITH_DEFAULTS = ("plant", "controller")
 _OF_A_PLANT = ("plant", "truth")
-
 
 Chain = tuple[Path, ...]  # of files, each named by the one before
 
@@ -55,7 +49,7 @@ def config_folder() -> Path:
 
 def scenario_names() -> list[str]:
     """Names of the scenarios that come with the package."""
-    return sorted(path.stem for path in (config_folder() / "scenarios").glob("[!_]*.yaml"))
+    return _names_in(config_folder() / "scenarios")
 
 
 def scenario_titles() -> dict[str, str]:
@@ -72,7 +66,7 @@ def load_scenario(name_or_path: str, overrides: Mapping[str, object] | None = No
     the scenario sets itself stays. A path in a file counts from the folder of that file, a path in an override from
     the current folder. Raises `ParameterError`.
     """
-    path = _scenario_path(name_or_path)
+    path = named_path("scenario", name_or_path)
     search_modules_in(path.parent)
     content, changes = _read_extended(path), dict(overrides or {})
     if (skydiver := changes.pop("plant.skydiver", None)) is not None:
@@ -104,19 +98,6 @@ def from_yaml(text: str) -> Scenario:
         if path[-1:] == ("kind",) and isinstance(value, str) and ":" in value:
             refuse_other_code(value)
     return convert(content, "of the text")
-
-
-def _scenario_path(name_or_path: str) -> Path:
-    if name_or_path.endswith(_ENDINGS):
-        path = Path(name_or_path)
-        if not _is_file(path):
-            raise ParameterError(f"there is no scenario file {name_or_path}: check the path")
-        return path
-    names = scenario_names()
-    if name_or_path not in names:
-        advice = hint(name_or_path, names, f"choose one of {', '.join(names)}")
-        raise ParameterError(f"there is no scenario {name_or_path!r}: {advice}")
-    return config_folder() / "scenarios" / f"{name_or_path}.yaml"
 
 
 def _read_extended(path: Path, seen: Chain = ()) -> dict[str, Any]:
@@ -225,21 +206,31 @@ def _resolve_names(content: dict[str, Any], beside: Path = Path(), seen: Chain =
     return resolved
 
 
+def load_named(settings: type[_Settings], field: str, name_or_path: str) -> _Settings:
+    """The settings in the file of a study, calibration or linear plant. Raises `ParameterError`."""
+    try:
+        return checked(settings, read_yaml(named_path(field, name_or_path)))
+    except ParameterError as error:
+        raise ParameterError(f"{error} ({field.replace('_', ' ')} {name_or_path})") from error
+
+
 def named_path(field: str, name: str, beside: Path = Path()) -> Path:
-    """The file of a subject, suit, posture, calibration, ...: one that comes with the package, or any by its path."""
+    """The file of a scenario, subject, suit, ...: one that comes with the package, or any by its path."""
+    words = field.replace("_", " ")
     if name.endswith(_ENDINGS):
         path = beside / name
         if not _is_file(path):
-            raise ParameterError(f"there is no {field} file {path}: check the path")
+            raise ParameterError(f"there is no {words} file {path}: check the path")
         return path
-    folder = config_folder() / _NAMED.get(field, f"{field}s")
-    path = folder / f"{name}.yaml"
-    if not _is_file(path):
-        known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
-        raise ParameterError(
-            f"there is no {field} {name!r}: choose one of {known}, or give the path of a YAML file"
-        )
-    return path
+    folder = config_folder() / _FOLDERS.get(field, f"{field}s")
+    if name not in (known := _names_in(folder)):
+        advice = hint(name, known, f"choose one of {', '.join(known)}")
+        raise ParameterError(f"there is no {words} {name!r}: {advice}, or give the path of a YAML file")
+    return folder / f"{name}.yaml"
+
+
+def _names_in(folder: Path) -> list[str]:
+    return sorted(path.stem for path in folder.glob("[!_]*.yaml"))
 
 
 def _overridden(content: dict[str, Any], overrides: Mapping[str, object], origin: str) -> Scenario:

@@ -3,10 +3,10 @@
 
 from typing import Annotated, Literal
 
-from pydantic import model_validator
+from pydantic import AfterValidator, model_validator
 from typing_extensions import Self
 
-from skydiver_utc.parameters.body import Pattern, PatternAngle, Posture, Subject
+from skydiver_utc.parameters.body import Pattern, PatternAngle, Posture, Subject, rising
 from skydiver_utc.parameters.fields import Parameters, SlotSettings, quantity, text
 
 DampingLimit = Annotated[float, quantity("1", "limit of the yaw damping coefficient", ge=0, le=50)]
@@ -46,31 +46,21 @@ CONTROLS = ("Cm_damp_yaw", "k_right", "k_left", "alpha")
 class Limits(Parameters):
     """Actuator limits (eq:minmax_utc) and slew rate of the pattern angle (eq:lim)."""
 
-    Cm_damp_yaw: tuple[DampingLimit, DampingLimit]
-    k_right: tuple[HandLimit, HandLimit]
-    k_left: tuple[HandLimit, HandLimit]
-    alpha: tuple[PatternAngle, PatternAngle]
+    Cm_damp_yaw: Annotated[tuple[DampingLimit, DampingLimit], AfterValidator(rising)]
+    k_right: Annotated[tuple[HandLimit, HandLimit], AfterValidator(rising)]
+    k_left: Annotated[tuple[HandLimit, HandLimit], AfterValidator(rising)]
+    alpha: Annotated[tuple[PatternAngle, PatternAngle], AfterValidator(rising)]
     alpha_rate: Annotated[float, quantity("rad/s", "slew rate of the pattern angle", gt=0, le=100)]
 
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        for name in CONTROLS:
-            lower, upper = getattr(self, name)
-            if not lower < upper:
-                raise ValueError(
-                    f"limits of {name} are upside down: write the smaller of {lower}, {upper} first"
-                )
-        return self
-
     @property
-    def minimum(self) -> tuple[float, float, float, float]:
+    def minimum(self) -> tuple[float, ...]:
         """Lower bounds in control order."""
-        return (self.Cm_damp_yaw[0], self.k_right[0], self.k_left[0], self.alpha[0])
+        return tuple(getattr(self, name)[0] for name in CONTROLS)
 
     @property
-    def maximum(self) -> tuple[float, float, float, float]:
+    def maximum(self) -> tuple[float, ...]:
         """Upper bounds in control order."""
-        return (self.Cm_damp_yaw[1], self.k_right[1], self.k_left[1], self.alpha[1])
+        return tuple(getattr(self, name)[1] for name in CONTROLS)
 
 
 class Limbs(Parameters):

@@ -91,14 +91,9 @@ class FunctionPlant(Plant):
         if not (isinstance(dt, Real) and np.isfinite(dt) and dt > 0.0):
             raise ValueError(f"dt is {dt!r}; it must be a number above zero.")
         self.dt_s = float(dt)
-        self.minimum, self.maximum = per_control("minimum", minimum, m), per_control("maximum", maximum, m)
-        self.rate = per_control("rate", rate, m)
-        if not (self.minimum <= self.maximum).all():
-            raise ValueError(f"minimum {self.minimum.tolist()} is above maximum {self.maximum.tolist()}.")
+        (self.minimum, self.maximum), self.rate = bounds(minimum, maximum, m), rates(rate, m)
         if not ((self.minimum <= self._control) & (self._control <= self.maximum)).all():
             raise ValueError(f"control {self._control.tolist()} is outside its bounds.")
-        if not (self.rate > 0.0).all():
-            raise ValueError("rate must be above zero for every control; leave a limit out with inf.")
         output = whole_state if output is None else output
         for given in (plant, output):
             keep(given)
@@ -106,7 +101,7 @@ class FunctionPlant(Plant):
         if not callable(output):
             raise ValueError("output must be a function of the state, or None for the whole state.")
         example = (np.full(n, np.nan),) if writes else ()
-        following = _tried("plant", plant, m, self._state.copy(), self._control.copy(), self.dt_s, *example)
+        following = tried("plant", plant, self._state.copy(), self._control.copy(), self.dt_s, *example)
         following = example[0] if writes else following
         if following.shape != (n,):
             raise ValueError(f"plant returns shape {following.shape} for a state of shape ({n},).")
@@ -114,7 +109,7 @@ class FunctionPlant(Plant):
             raise ValueError(
                 f"plant returns {following.tolist()} for the state and control given: it must be finite."
             )
-        values = _tried("output", output, m, following)
+        values = tried("output", output, following)
         if values.ndim > 1 or values.size == 0:
             raise ValueError(f"output returns shape {values.shape}; it must be a vector or one number.")
         if not np.isfinite(values).all():
@@ -125,8 +120,8 @@ class FunctionPlant(Plant):
         self.control_names = tuple(control_names) or tuple(f"u{i}" for i in range(m))
         self.output_names = tuple(output_names) or tuple(f"y{i}" for i in range(values.size))
         self.model = Model(
-            _in_form(writing_step if writes else step, plant, plant, "plant"),
-            _in_form(globals()["output"] if values.ndim else single_output, output, plant, "output"),
+            in_form(writing_step if writes else step, plant, plant, "plant"),
+            in_form(globals()["output"] if values.ndim else single_output, output, plant, "output"),
             (self.dt_s,),
             n,
         )
@@ -166,8 +161,8 @@ def _made_again(plant: Any, output: Any, given: Sequence[Any]) -> FunctionPlant:
     return FunctionPlant(plant, output, **dict(zip(names, given, strict=True)))
 
 
-def _in_form(template: Any, given: Any, plant: Any, name: str) -> Any:
-    """A function of the user's in the form of the model; jitted if the plant is."""
+def in_form(template: Any, given: Any, plant: Any, name: str) -> Any:
+    """A function of the user's in the form of a template; jitted if the plant's function is."""
     if not is_jitted(plant):
         made = interpreted(template, function=given)
         made.__name__ = name
@@ -178,18 +173,19 @@ def _in_form(template: Any, given: Any, plant: Any, name: str) -> Any:
     return bound(template, name, jitted, function=jitted)
 
 
-def _tried(name: str, tried: Any, controls: int, *example: Any) -> Array:
-    """The value of a function on an example, as an array of numbers."""
+def tried(name: str, function: Any, *example: Any) -> Array:
+    """The value of a function on an example, as an array of numbers; 0 of a plant that writes its result."""
+    writes = name == "plant" and len(example) == 4
     try:
-        returned = tried(*example)
-        if returned is None and len(example) < 4:
+        returned = function(*example)
+        if returned is None and not writes:
             raise TypeError("it returns None")
         found = np.asarray(0.0 if returned is None else returned)
         if found.dtype.kind == "c":
             raise ArithmeticError("it returns complex numbers")
         return np.asarray(found, dtype=float)
     except (*LEFT_ITS_DOMAIN, *MISTAKES) as error:
-        hint = f"; control is an array of shape ({controls},)" if name == "plant" else ""
+        hint = f"; control is an array of shape {example[1].shape}" if name == "plant" else ""
         raise ValueError(
             f"{name} fails on the example given ({type(error).__name__}: {one_line(error)}){hint}."
         ) from error
@@ -233,7 +229,23 @@ def _vector(name: str, value: ArrayLike) -> Array:
     return array
 
 
-def per_control(name: str, value: ArrayLike, m: int) -> Array:
+def bounds(minimum: ArrayLike, maximum: ArrayLike, m: int) -> Array:
+    """Bounds (2, m) of the controls. Raises ValueError."""
+    low, high = _per_control("minimum", minimum, m), _per_control("maximum", maximum, m)
+    if not (low <= high).all():
+        raise ValueError(f"minimum {low.tolist()} is above maximum {high.tolist()}.")
+    return np.array([low, high])
+
+
+def rates(given: ArrayLike, m: int) -> Array:
+    """Largest changes (m,) of the controls per unit of time. Raises ValueError."""
+    found = _per_control("rate", given, m)
+    if not (found > 0.0).all():
+        raise ValueError("rate must be above zero for every control; leave a limit out with inf.")
+    return found
+
+
+def _per_control(name: str, value: ArrayLike, m: int) -> Array:
     """One number for each control (m,). Raises ValueError."""
     array = numbers(name, value)
     if array.shape not in ((), (m,)) or np.isnan(array).any():

@@ -98,7 +98,7 @@ def number_at(content: Mapping[str, Any], setting: str) -> float:
         if setting.startswith("truth."):
             return number_at(content, setting.replace("truth", "plant", 1))
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ParameterError(f"{setting} is no number of the scenario: it cannot be varied by a factor")
+        raise ParameterError(f"{setting} is no number of the scenario: write one as in plant.hands.K_N")
     return float(value)
 
 

@@ -11,9 +11,7 @@ from pydantic import model_validator
 from typing_extensions import Self
 
 from skydiver_utc.parameters import ParameterError, Parameters, Scenario, load_scenario, quantity, text
-from skydiver_utc.parameters.conversion import checked
-from skydiver_utc.parameters.loading import named_path
-from skydiver_utc.parameters.yaml_io import read_yaml
+from skydiver_utc.parameters.loading import load_named
 from skydiver_utc.studies.bars import Bar
 
 _MOST = 1_000_000
@@ -134,7 +132,4 @@ class Study(Parameters):
 
 def load_study(name_or_path: str) -> Study:
     """The study of a name below ``config/studies`` or of a YAML file. Raises `ParameterError`."""
-    try:
-        return checked(Study, read_yaml(named_path("study", name_or_path)))
-    except ParameterError as error:
-        raise ParameterError(f"{error} (study {name_or_path})") from error
+    return load_named(Study, "study", name_or_path)

@@ -197,19 +197,11 @@ def _rank_correlation(values: Sequence[Any], found: Any) -> float:
 
 
 def _write_runs(folder: Path, plan: Plan, rows: Sequence[Row]) -> None:
-    columns = [
-        "number",
-        "case",
-        *plan.study.vary,
-        "outcome",
-        "success",
-        *plan.study.metrics,
-        "sentence",
-        "cpu_s",
-    ]
+    varied, metrics = list(plan.study.vary), plan.study.metrics
+    columns = ["number", "case", *varied, "outcome", "success", *metrics, "sentence", "cpu_s"]
     records = [
-        [row.number, row.case, *(row.sample.get(name) for name in plan.study.vary), row.outcome, row.success,
-         *(row.metrics.get(name) for name in plan.study.metrics), row.sentence, row.cpu_s]
+        [row.number, row.case, *map(row.sample.get, varied), row.outcome, row.success,
+         *map(row.metrics.get, metrics), row.sentence, row.cpu_s]
         for row in rows
     ]  # fmt: skip
     text = io.StringIO()

@@ -5,14 +5,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from skydiver_utc.controllers.roll_out import Dynamics, RollOut
 from skydiver_utc.controllers.utc.dynamics import incremental, user_dynamics
 from skydiver_utc.controllers.utc.horizon_outputs import HorizonOutputs
 from skydiver_utc.controllers.utc.law import Law
 from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
-from skydiver_utc.plants.function import per_control
 from skydiver_utc.plants.protocol import Plant
 from skydiver_utc.unscented.sigma_points import weights
 
@@ -138,22 +137,6 @@ def law_of(
         events=np.zeros(3, dtype=np.int64),
     )
     return law, at
-
-
-def bounds(minimum: ArrayLike, maximum: ArrayLike, m: int) -> Array:
-    """Bounds (2, m) of the controls. Raises ValueError."""
-    low, high = per_control("minimum", minimum, m), per_control("maximum", maximum, m)
-    if not (low <= high).all():
-        raise ValueError(f"minimum {low.tolist()} is above maximum {high.tolist()}")
-    return np.array([low, high])
-
-
-def rates(given: ArrayLike, m: int) -> Array:
-    """Largest changes (m,) per unit of time. Raises ValueError."""
-    found = per_control("rate", given, m)
-    if not (found > 0.0).all():
-        raise ValueError(f"rate must be above zero for every control, not {given!r}")
-    return found
 
 
 def plain(value: Any) -> Any:

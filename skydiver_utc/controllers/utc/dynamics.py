@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.controllers.roll_out import Dynamics
-from skydiver_utc.jit import bound, interpreted, is_jitted, program
-from skydiver_utc.plants.protocol import LEFT_ITS_DOMAIN, MISTAKES, Plant, one_line
+from skydiver_utc.jit import program
+from skydiver_utc.plants.function import in_form, tried
+from skydiver_utc.plants.protocol import Plant
 
 Array = NDArray[np.float64]
 
@@ -75,22 +76,7 @@ def user_dynamics(given: Callable[..., Any], plant: Plant) -> Dynamics:
             f"{name} must be a function (point, control, state, preview, j) -> control, not {given!r}."
         )
     control, preview = plant.initial_control(), np.zeros((2, len(plant.output_names)))
-    try:
-        returned = given(control.copy(), control.copy(), plant.initial_state(), preview, 0)
-        if returned is None:
-            raise TypeError("it returns None")
-        shape = np.shape(returned)
-    except (*LEFT_ITS_DOMAIN, *MISTAKES) as error:
-        raise ValueError(
-            f"{name} fails on the example given ({type(error).__name__}: {one_line(error)})."
-        ) from error
+    shape = tried(name, given, control.copy(), control.copy(), plant.initial_state(), preview, 0).shape
     if shape != control.shape:
         raise ValueError(f"{name} returns shape {shape} for a control of shape {control.shape}.")
-    if is_jitted(plant.model.step):
-        import numba
-
-        jitted = given if is_jitted(given) else numba.njit(error_model="numpy")(given)
-        return Dynamics(bound(of_user, name, jitted, function=jitted), np.zeros(1), False)
-    made = interpreted(of_user, function=given)
-    made.__name__ = name
-    return Dynamics(made, np.zeros(1), False)
+    return Dynamics(in_form(of_user, given, plant.model.step, name), np.zeros(1), False)

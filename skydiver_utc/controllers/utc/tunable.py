@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from typing_extensions import Self
 
 from skydiver_utc.controllers.roll_out import RollOut
-from skydiver_utc.controllers.utc.construction import bounds, plain, rates
+from skydiver_utc.controllers.utc.construction import plain
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
 from skydiver_utc.controllers.utc.horizon_outputs import HorizonOutputs
 from skydiver_utc.controllers.utc.law import Law, draw
 from skydiver_utc.controllers.utc.output_offset import OutputOffset
 from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
+from skydiver_utc.plants.function import bounds, rates
 from skydiver_utc.plants.protocol import Plant
 
 Array = NDArray[np.float64]

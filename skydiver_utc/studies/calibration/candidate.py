@@ -2,15 +2,21 @@
 """A skydiver to be tried: the numbers of the search, its neutral posture and its movement pattern."""
 
 from collections.abc import Mapping
-from copy import deepcopy
 from typing import Any
 
-from skydiver_utc.parameters import MovementPattern, ParameterError, Scenario, SkydiverSettings, load_scenario
-from skydiver_utc.parameters.conversion import convert
+from skydiver_utc.parameters import (
+    MovementPattern,
+    ParameterError,
+    Scenario,
+    SkydiverSettings,
+    load_scenario,
+    override,
+)
 from skydiver_utc.plants.skydiver.pattern_design import designed_pattern
 from skydiver_utc.plants.skydiver.pattern_kinds import PATTERN_KINDS
 from skydiver_utc.plants.skydiver.trim import straight_fall, trimmed_posture
 from skydiver_utc.studies.calibration.settings import Calibration
+from skydiver_utc.studies.design import number_at
 
 # Entries of a segment's drag areas.
 _AREAS = ("front", "side", "axial")
@@ -62,17 +68,7 @@ def start_of(calibration: Calibration) -> Scenario:
 def numbers_of(calibration: Calibration, scenario: Scenario) -> dict[str, float]:
     """The values that a scenario has of the numbers of a calibration."""
     content = scenario.as_dict()
-    places = {name: _place(content, name) for name in calibration.numbers}
-    return {name: float(block[key]) for name, (block, key) in places.items()}
-
-
-def with_numbers(scenario: Scenario, numbers: Mapping[str, float]) -> Scenario:
-    """The scenario with other values of these numbers."""
-    content = deepcopy(scenario.as_dict())
-    for name, value in numbers.items():
-        block, key = _place(content, name)
-        block[key] = value
-    return convert(content, scenario.name)
+    return {name: number_at(content, _setting(name)) for name in calibration.numbers}
 
 
 def build_candidate(calibration: Calibration, start: Scenario, numbers: Mapping[str, float]) -> Scenario:
@@ -80,7 +76,7 @@ def build_candidate(calibration: Calibration, start: Scenario, numbers: Mapping[
 
     Posture, pattern and speed are those of the files that it is written into, so that these fly to the last bit alike.
     """
-    scenario = with_numbers(start, numbers)
+    scenario = override(start, {_setting(name): value for name, value in numbers.items()})
     plant = scenario.plant
     suit = plant.subject.suit.replace(name=calibration.name)
     plant = plant.replace(subject=plant.subject.replace(name=calibration.name, suit=suit))
@@ -101,21 +97,9 @@ def build_candidate(calibration: Calibration, start: Scenario, numbers: Mapping[
     return trimmed
 
 
-def _place(content: dict[str, Any], name: str) -> tuple[Any, str | int]:
-    """The block, and the key in it, of a number by its dotted name."""
-    block: Any = content
-    *parents, last = name.split(".")
-    try:
-        if not name.startswith(_OF_A_SKYDIVER):
-            raise KeyError(name)
-        for parent in parents:
-            block = block[parent]
-        key = _AREAS.index(last) if isinstance(block, list) else last
-        if isinstance(block[key], int | float) and not isinstance(block[key], bool):
-            return block, key
-    except (KeyError, TypeError, ValueError, IndexError):
-        pass
-    raise ParameterError(
-        f"the skydiver has no number {name}: write its dotted name, as in plant.hands.K_N or"
-        " plant.subject.suit.drag_areas_m2.shank.front"
-    )
+def _setting(name: str) -> str:
+    """The setting of a number of the skydiver: a segment's drag areas have names here, and places in the scenario."""
+    if not name.startswith(_OF_A_SKYDIVER):
+        raise ParameterError(f"{name} is no number of the skydiver: write one as in plant.hands.K_N")
+    parent, _, last = name.rpartition(".")
+    return f"{parent}.{_AREAS.index(last)}" if last in _AREAS else name

@@ -3,15 +3,13 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import model_validator
+from pydantic import AfterValidator, model_validator
 from typing_extensions import Self
 
 from skydiver_utc.errors import hint
-from skydiver_utc.parameters import ParameterError, Parameters, quantity, text
-from skydiver_utc.parameters.body import PatternAngle
-from skydiver_utc.parameters.conversion import checked
-from skydiver_utc.parameters.loading import named_path
-from skydiver_utc.parameters.yaml_io import read_yaml
+from skydiver_utc.parameters import Parameters, quantity, text
+from skydiver_utc.parameters.body import PatternAngle, rising
+from skydiver_utc.parameters.loading import load_named
 from skydiver_utc.studies.bars import Bar
 from skydiver_utc.studies.cases import Measures
 
@@ -50,12 +48,17 @@ class FlightBar(RelativeBar):
     times: Annotated[str, text("name of the earlier flight")] = ""
 
 
-class Flight(Parameters):
+class Start(Parameters):
+    """The skydiver from which the search starts: the plant of a scenario; its posture is the one that is trimmed."""
+
+    scenario: str
+    settings: Annotated[dict[str, Any], text("overrides by dotted name")] = {}
+
+
+class Flight(Start):
     """A scenario to be flown with the skydiver, and the targets for what is measured of it."""
 
     name: str
-    scenario: str
-    settings: Annotated[dict[str, Any], text("overrides by dotted name")] = {}
     targets: dict[str, FlightBar] = {}
 
     @model_validator(mode="after")
@@ -64,13 +67,6 @@ class Flight(Parameters):
             advice = hint(measure, FLIGHT_MEASURES, f"choose one of {', '.join(FLIGHT_MEASURES)}")
             raise ValueError(f"a flight has no measure {measure}: {advice}")
         return self
-
-
-class Start(Parameters):
-    """The skydiver from which the search starts: the plant of a scenario; its posture is the one that is trimmed."""
-
-    scenario: str
-    settings: Annotated[dict[str, Any], text("overrides by dotted name")] = {}
 
 
 class Calibration(Parameters):
@@ -83,7 +79,7 @@ class Calibration(Parameters):
     name: str
     description: str
     start: Start
-    numbers: dict[str, tuple[float, float]]
+    numbers: dict[str, Annotated[tuple[float, float], AfterValidator(rising)]]
     pattern: Literal["turn"] | None = None
     statics: tuple[StaticTarget, ...] = ()
     flights: tuple[Flight, ...] = ()
@@ -93,11 +89,6 @@ class Calibration(Parameters):
     def _check(self) -> Self:
         if not self.numbers:
             raise ValueError("numbers is empty: write at least one number that may change")
-        for name, (lower, upper) in self.numbers.items():
-            if not lower < upper:
-                raise ValueError(
-                    f"bounds of {name} are upside down: write the smaller of {lower}, {upper} first"
-                )
         known: list[str] = []
         for flight in self.flights:
             if flight.name in known:
@@ -113,7 +104,4 @@ class Calibration(Parameters):
 
 def load_calibration(name_or_path: str) -> Calibration:
     """The calibration of a name below ``config/calibrations`` or of a YAML file. Raises `ParameterError`."""
-    try:
-        return checked(Calibration, read_yaml(named_path("calibration", name_or_path)))
-    except ParameterError as error:
-        raise ParameterError(f"{error} (calibration {name_or_path})") from error
+    return load_named(Calibration, "calibration", name_or_path)
