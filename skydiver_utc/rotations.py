@@ -26,8 +26,7 @@ def world_up(states: Array) -> Array:
 
 def dorsal_axis_height(states: Array) -> Array:
     """Height (...) of the dorsal axis for states (..., 13): 1 belly to earth, -1 back to earth."""
-    height: Array = up_components(*(states[..., i] for i in range(3, 7)))[2]
-    return height
+    return up_components(*(states[..., i] for i in range(3, 7)))[2]
 
 
 def attitude_with_up(up: Array) -> Array:

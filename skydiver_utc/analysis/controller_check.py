@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.analysis.recorded_run import RecordedRun
+from skydiver_utc.arrays import Array, Flags
 from skydiver_utc.errors import AnalysisError
 from skydiver_utc.estimators.true_state import TrueState
 from skydiver_utc.loop.build import (
@@ -27,8 +27,6 @@ from skydiver_utc.plants.protocol import Plant
 SCHEMA_VERSION = 3
 _CONTROLLER, _ESTIMATOR = "controller", "estimator"
 
-Floats = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Check:
@@ -41,7 +39,7 @@ class Check:
     """
 
     run: Run
-    commands: Floats
+    commands: Array
     reference_added: int
     in_real_time: bool
     reference_revised: int = 0  # steps that a live reference gave other values later on: those are used
@@ -49,7 +47,7 @@ class Check:
     hole_at_step: int | None = None  # where the recording lacks steps: what follows is not checked
 
     @property
-    def differs(self) -> NDArray[np.bool_]:
+    def differs(self) -> Flags:
         """True for recorded and computed commands that are not the same bits, (K, m)."""
         return _differing(self.run.commands, self.commands)
 
@@ -65,12 +63,9 @@ class Check:
         return (int(places[0, 0]), int(places[0, 1])) if len(places) else None
 
 
-def _differing(recorded: Floats, computed: Floats) -> NDArray[np.bool_]:
+def _differing(recorded: Array, computed: Array) -> Flags:
     """True where the bits are not the same."""
-    bits: NDArray[np.bool_] = np.ascontiguousarray(recorded).view(np.int64) != np.ascontiguousarray(
-        computed
-    ).view(np.int64)
-    return bits
+    return np.ascontiguousarray(recorded).view(np.int64) != np.ascontiguousarray(computed).view(np.int64)
 
 
 def check(recording: RecordedRun, instead: Callable[[Scenario], Scenario] = lambda s: s) -> Check:
@@ -156,7 +151,7 @@ def _model(recording: RecordedRun, scenario: Scenario) -> Plant:
     return build_plant(scenario)
 
 
-def _reference(recording: RecordedRun, run: Run, ahead: int) -> tuple[Floats, int]:
+def _reference(recording: RecordedRun, run: Run, ahead: int) -> tuple[Array, int]:
     """Reference (K + ahead, l): previews, then setpoints, then the scenario's own; and how many of the last."""
     first, count = run.first_step, len(run.commands) + ahead
     values = recording.previews(first + count)[first:]

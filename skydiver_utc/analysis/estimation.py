@@ -5,14 +5,13 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.analysis.numbers import finite
+from skydiver_utc.arrays import Array
 from skydiver_utc.estimators.consistency import Consistency, consistency
 from skydiver_utc.estimators.manifold import attitude_of, distance, error_names
 from skydiver_utc.loop.run import Run
 
-Floats = NDArray[np.float64]
 _INNOVATION, _DEVIATION, _NIS = "innovation_", "deviation_", "nis_"
 
 
@@ -25,7 +24,7 @@ def sensor_names(run: Run) -> list[str]:
     ]
 
 
-def innovations(run: Run, sensor: str) -> Floats:
+def innovations(run: Run, sensor: str) -> Array:
     """Innovations (K, l) of a sensor in units of their standard deviations, NaN where there was none."""
     first = run.telemetry_names.index(_NIS + sensor) + 1
     rest = enumerate(run.telemetry_names[first:], first)
@@ -38,7 +37,7 @@ def consistencies(run: Run) -> dict[str, Consistency]:
     return {name: consistency(innovations(run, name)) for name in sensor_names(run)}
 
 
-def estimation_errors(run: Run) -> dict[str, tuple[Floats, Floats]]:
+def estimation_errors(run: Run) -> dict[str, tuple[Array, Array]]:
     """True less estimated value (K,), and the estimated deviation of this error (K,), by state.
 
     An attitude's error is a rotation vector in body axes [rad]; biases are not among them.

@@ -8,7 +8,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.analysis.labels import facts, missing
 from skydiver_utc.analysis.metrics import CONVERGED_SHARE, metrics
@@ -28,6 +27,7 @@ from skydiver_utc.analysis.style import (
     short,
 )
 from skydiver_utc.analysis.units import disturbance_words, shown, shown_disturbance
+from skydiver_utc.arrays import Array
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
@@ -39,7 +39,6 @@ if TYPE_CHECKING:  # it is imported only where a figure is drawn
     from matplotlib.figure import Figure
 
 CONTROL_COLOURS = (GREEN, VERMILLION, PURPLE, BLUE)
-Floats = NDArray[np.float64]
 _LEAST_RANGE, _LARGEST = 1e-6, 1e30  # of an axis, in its unit
 Panel = tuple[float, Callable[["Axes"], None]]  # height, and how to draw it
 
@@ -219,11 +218,11 @@ def reach(run: Run, j: int) -> float:
     return 2.5 * shown(run.plant, name).factor * (fair or 1.0)
 
 
-def _drawn(values: Floats) -> Floats:
+def _drawn(values: Array) -> Array:
     """The values as far as an axis can be that far."""
     return np.clip(values, -_LARGEST, _LARGEST)
 
 
-def _largest(values: Floats) -> float:
+def _largest(values: Array) -> float:
     finite = values[np.isfinite(values)]
     return min(float(np.max(np.abs(finite))), _LARGEST) if len(finite) else 0.0

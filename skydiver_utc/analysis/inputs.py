@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.analysis.estimation import sensor_names
 from skydiver_utc.analysis.numbers import finite
+from skydiver_utc.arrays import Array, Flags
 from skydiver_utc.controllers.utc.result import UtcResult
 from skydiver_utc.controllers.utc.settings import UtcSettings
 from skydiver_utc.controllers.utc.unscented_transform_controller import UnscentedTransformController
@@ -33,8 +33,6 @@ _SHARE = 0.01  # of the largest value of an output with any other unit
 # An input is seen where its deviation is below this share of that of a number anywhere within its limits.
 SEEN = 0.5
 
-Floats = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
@@ -47,19 +45,18 @@ class Inputs:
     """
 
     run: Run
-    time_s: Floats
-    estimate: Floats
-    deviation: Floats
-    applied: Floats
-    alone: Floats
-    span: Floats
+    time_s: Array
+    estimate: Array
+    deviation: Array
+    applied: Array
+    alone: Array
+    span: Array
     of_estimate: bool
 
     @property
-    def seen(self) -> NDArray[np.bool_]:
+    def seen(self) -> Flags:
         """True where an input moves the outputs enough for an estimate (T, m)."""
-        found: NDArray[np.bool_] = self.alone < SEEN * self.span
-        return found
+        return self.alone < SEEN * self.span
 
 
 def estimate_inputs(run: Run) -> Inputs:
@@ -108,7 +105,7 @@ def estimate_inputs(run: Run) -> Inputs:
     return Inputs(run, time_s, estimate, deviation, applied, alone, span, of_estimate)
 
 
-def _of_one_horizon(found: UtcResult, deviations: Floats, span: Floats) -> Floats:
+def _of_one_horizon(found: UtcResult, deviations: Array, span: Array) -> Array:
     """sqrt(diag((S^-2 + G' R^-1 G)^-1)) (m,): S the span, G the slope of the outputs over the sigma points."""
     alive = np.isfinite(found.outputs).all(axis=1)
     slope, *_ = np.linalg.lstsq(
@@ -117,8 +114,7 @@ def _of_one_horizon(found: UtcResult, deviations: Floats, span: Floats) -> Float
         rcond=None,
     )
     left = np.linalg.inv(np.eye(len(span)) + slope @ slope.T)
-    deviation: Floats = span * np.sqrt(left.diagonal())
-    return deviation
+    return span * np.sqrt(left.diagonal())
 
 
 def report(found: Inputs) -> dict[str, Any]:

@@ -108,8 +108,7 @@ def _change(change: dict[str, Any]) -> Row:
 
 def _value(values: dict[str, Any], name: str) -> float | str | None:
     first, _, rest = name.partition(".")
-    value: float | str | None = values.get(first, {}).get(rest) if rest else values.get(first)
-    return value
+    return values.get(first, {}).get(rest) if rest else values.get(first)
 
 
 def _text(value: float | str | None, form: str) -> str:

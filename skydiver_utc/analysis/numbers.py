@@ -4,8 +4,8 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array, Flags
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Scenario
@@ -13,17 +13,15 @@ from skydiver_utc.parameters.nanoseconds import NANOSECONDS, seconds
 
 SETTLING_S = 2.0
 
-Floats = NDArray[np.float64]
 
-
-def settled(run: Run) -> NDArray[np.bool_]:
+def settled(run: Run) -> Flags:
     """The rows whose errors count: from 2 s on, none of a diverged run."""
     rows = recorded(run)
     rows[: len(rows) if run.outcome is Outcome.DIVERGED else row_from(SETTLING_S, run)] = False
     return rows
 
 
-def recorded(run: Run) -> NDArray[np.bool_]:
+def recorded(run: Run) -> Flags:
     """The rows outside of the holes of a recording."""
     rows = np.ones(len(run.states), np.bool_)
     for begin, end in run.holes:
@@ -46,12 +44,12 @@ def time_of(run: Run, row: int) -> float:
     return seconds((run.first_step + row) * run.scenario.dt_ns)
 
 
-def root_mean_square(values: Floats) -> float:
+def root_mean_square(values: Array) -> float:
     """Root of the mean square, NaN of no values."""
     return math.sqrt(float(np.mean(np.square(values)))) if len(values) else math.nan
 
 
-def largest(values: Floats) -> float:
+def largest(values: Array) -> float:
     """Largest absolute value, NaN of no values."""
     return float(np.max(np.abs(values))) if len(values) else math.nan
 

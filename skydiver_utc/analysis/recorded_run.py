@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.analysis.recorded_steps import RecordedSteps, Rows, stretches
+from skydiver_utc.arrays import Array
 from skydiver_utc.errors import AnalysisError, OwnClassError
 from skydiver_utc.estimators.consistency import JUDGEMENT
 from skydiver_utc.estimators.protocol import Reading
@@ -34,7 +34,6 @@ from skydiver_utc.recording.reader import RecordedTopic, namespace_of, read_bag
 # What the controller node adds to the controller's own telemetry.
 _SOLVE_TIME, _STATUS = "solve_time", "status"
 
-Floats = NDArray[np.float64]
 Topics = Mapping[str, RecordedTopic]
 
 
@@ -136,7 +135,7 @@ class RecordedRun:
         """True where the plant did not wait for commands: a state may have none."""
         return "real_time" in self._ending
 
-    def previews(self, count: int) -> Floats:
+    def previews(self, count: int) -> Array:
         """The reference (count, l) of the first steps by the previews, the newest one counts; NaN without.
 
         `reference_revised` becomes the number of steps to which two previews give different values.
@@ -152,7 +151,7 @@ class RecordedRun:
         self.reference_revised = int(revised.sum())
         return values
 
-    def setpoints(self) -> Floats:
+    def setpoints(self) -> Array:
         """The reference (steps + 1, l) by its setpoints, else by the previews; NaN where neither has it."""
         outputs = self.reference.outputs
         rows = self._steps.rows("reference/setpoint", len(outputs), lambda m: read_named(m, outputs))
@@ -160,11 +159,11 @@ class RecordedRun:
             return rows.values
         return np.where(rows.present[:, np.newaxis], rows.values, self.previews(len(rows.values)))
 
-    def given(self, run: Run) -> Floats:
+    def given(self, run: Run) -> Array:
         """What the controller decides on from the run's first step on: the states or estimates (K, n)."""
         return self.estimates(run) if self.scenario.has_estimator else run.states[:-1]
 
-    def estimates(self, run: Run) -> Floats:
+    def estimates(self, run: Run) -> Array:
         """The estimates (K, n) of the run; a step without one has that of the step before."""
         rows = self._steps.rows("estimate", len(self.plant.state_names), self._state).held()
         self._refuse_none("estimate", rows)
@@ -188,7 +187,7 @@ class RecordedRun:
         ]
         return readings[run.first_step :]
 
-    def _state(self, message: Any) -> Floats:
+    def _state(self, message: Any) -> Array:
         odometry = self.plant.state_message == "odometry"
         return read_odometry(message) if odometry else read_named(message, self.plant.state_names)
 
@@ -196,7 +195,7 @@ class RecordedRun:
         names = self.plant.control_names
         return self._steps.rows(name, len(names), lambda message: read_named(message, names))
 
-    def filled(self, values: Floats, first: int) -> tuple[Floats, int]:
+    def filled(self, values: Array, first: int) -> tuple[Array, int]:
         """A reference (K, l) from a step on with the scenario's own values for what is NaN; in how many steps."""
         missing = np.isnan(values)
         if missing.any():
@@ -205,7 +204,7 @@ class RecordedRun:
 
     def _telemetry(
         self, topic: str, first: int, end: int, needed: Iterable[str]
-    ) -> tuple[tuple[str, ...], Floats]:
+    ) -> tuple[tuple[str, ...], Array]:
         """The names of most messages that have the needed ones, and the values (K, n)."""
         names = self._steps.read(topic, lambda message: tuple(message.name))
         common = Counter(found for found in names if set(needed) <= set(found)).most_common(1)

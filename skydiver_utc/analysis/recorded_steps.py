@@ -5,20 +5,18 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array, Flags
 from skydiver_utc.messages import MessageError, StepGrid
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.recording.reader import RecordedTopic
-
-Floats = NDArray[np.float64]
 
 
 class Rows(NamedTuple):
     """Values by step, (steps + 1, width), NaN where `present` (steps + 1,) is False."""
 
-    values: Floats
-    present: NDArray[np.bool_]
+    values: Array
+    present: Flags
 
     @property
     def first(self) -> int | None:
@@ -36,7 +34,7 @@ class Rows(NamedTuple):
         return Rows(self.values[newest], newest >= 0)
 
 
-def stretches(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def stretches(marked: Flags) -> list[tuple[int, int]]:
     """First and last place of each unbroken row of marked ones."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], marked, [False]))))
     return [(int(begin), int(end) - 1) for begin, end in edges.reshape(-1, 2)]
@@ -70,7 +68,7 @@ class RecordedSteps:
             raise MessageError("stamp", f"its step {k} is after the end")
         return k
 
-    def rows(self, name: str, width: int, read: Callable[[Any], Floats]) -> Rows:
+    def rows(self, name: str, width: int, read: Callable[[Any], Array]) -> Rows:
         """The values (width,) of each step; of several messages of one step the first counts."""
         size = self._steps + 1
         rows = Rows(np.full((size, width), np.nan), np.zeros(size, np.bool_))

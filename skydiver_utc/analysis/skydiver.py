@@ -5,7 +5,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.analysis.numbers import (
     finite,
@@ -16,12 +15,12 @@ from skydiver_utc.analysis.numbers import (
     settled,
     time_of,
 )
+from skydiver_utc.arrays import Array
 from skydiver_utc.loop.run import Run
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 from skydiver_utc.references.profiles import Rotation
 from skydiver_utc.rotations import dorsal_axis_height, world_up
 
-Floats = NDArray[np.float64]
 # Height of the dorsal axis from which on a body faces the earth with one side: 45 deg from the vertical.
 _FACING = math.sqrt(0.5)
 
@@ -55,7 +54,7 @@ def skydiver_metrics(run: Run) -> dict[str, Any]:
     }
 
 
-def angle_turned_deg(run: Run) -> Floats:
+def angle_turned_deg(run: Run) -> Array:
     """Angle (K+1,) [deg] turned since the start about the vertical (a yaw rate's reference) or in pitch.
 
     A heading is that of the body's long axis. A pitch is that of the world's up direction in the body's plane
@@ -67,7 +66,7 @@ def angle_turned_deg(run: Run) -> Floats:
     else:
         up = world_up(run.states)
         angle = np.arctan2(-up[:, 0], up[:, 2])
-    turned: Floats = np.rad2deg(np.unwrap(angle))
+    turned: Array = np.rad2deg(np.unwrap(angle))
     turned -= turned[0]
     return turned
 

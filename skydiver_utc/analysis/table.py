@@ -5,16 +5,15 @@ import io
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import to_yaml
 
-Floats = NDArray[np.float64]
 FORMS = ("csv", "npz", "parquet")
 
 
-def columns(run: Run) -> dict[str, Floats]:
+def columns(run: Run) -> dict[str, Array]:
     """The columns (K+1,) by name, SI and radians; NaN where there is no value, as of a control at the last state."""
     plant = run.plant
     blocks = {
@@ -53,6 +52,6 @@ def table(run: Run, form: str) -> bytes:
     return buffer.getvalue()
 
 
-def _whole(run: Run, values: Floats) -> Floats:
+def _whole(run: Run, values: Array) -> Array:
     """Values of the steps with one for the last state, too."""
     return np.append(values, np.full(len(run.states) - len(values), np.nan))

@@ -5,7 +5,6 @@ import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.analysis.estimation import consistencies, estimation_errors, innovations
 from skydiver_utc.analysis.style import (
@@ -19,6 +18,7 @@ from skydiver_utc.analysis.style import (
     house_style,
 )
 from skydiver_utc.analysis.units import in_degrees
+from skydiver_utc.arrays import Array
 from skydiver_utc.estimators.consistency import Consistency, correlation
 from skydiver_utc.loop.run import Run
 
@@ -26,7 +26,6 @@ if TYPE_CHECKING:  # it is imported only where a figure is drawn
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Floats = NDArray[np.float64]
 _COLOURS = (BLUE, ORANGE, PURPLE, VERMILLION)
 _LAGS = 20
 _WINDOW = 48  # measurements in a moving mean
@@ -63,7 +62,7 @@ def validation_figure(run: Run) -> "Figure":
     return figure
 
 
-def _draw_nis(axes: "Axes", run: Run, name: str, sensor: Consistency, normalised: Floats) -> None:
+def _draw_nis(axes: "Axes", run: Run, name: str, sensor: Consistency, normalised: Array) -> None:
     measured = np.isfinite(normalised).all(axis=1)
     nis, time_s = np.sum(np.square(normalised[measured]), axis=1), run.time_s[:-1][measured]
     axes.plot(time_s, nis, ".", color="#BBBBBB", markersize=2.0)
@@ -81,7 +80,7 @@ def _draw_nis(axes: "Axes", run: Run, name: str, sensor: Consistency, normalised
     )  # fmt: skip
 
 
-def _draw_correlation(axes: "Axes", sensor: Consistency, normalised: Floats) -> None:
+def _draw_correlation(axes: "Axes", sensor: Consistency, normalised: Array) -> None:
     found = normalised[np.isfinite(normalised).all(axis=1)]
     lags = np.arange(1, min(_LAGS, len(found) - 1) + 1)
     axes.axhspan(-sensor.bound, sensor.bound, color=GREEN, alpha=0.18, linewidth=0.0)
@@ -94,7 +93,7 @@ def _draw_correlation(axes: "Axes", sensor: Consistency, normalised: Floats) -> 
     axes.set_title("correlation with the innovation\nso many measurements later", fontsize=8.5, loc="left")
 
 
-def _draw_error(axes: "Axes", run: Run, name: str, error: Floats, deviation: Floats) -> None:
+def _draw_error(axes: "Axes", run: Run, name: str, error: Array, deviation: Array) -> None:
     unit, factor = in_degrees("rad" if name.startswith("attitude_") else run.plant.units.get(name, "1"))
     time_s, error, deviation = run.time_s[:-1], factor * error, factor * deviation
     axes.fill_between(time_s, -2.0 * deviation, 2.0 * deviation, color=GREEN, alpha=0.18, linewidth=0.0)

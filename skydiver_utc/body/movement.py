@@ -48,8 +48,7 @@ def movement(posture: Posture, pattern: MovementPattern | PosturePath, ratio: fl
 
 def _along(neutral: Array, direction: Array, alpha: Any) -> Array:
     """neutral + alpha * direction."""
-    found: Array = neutral + np.multiply.outer(alpha, direction)
-    return found
+    return neutral + np.multiply.outer(alpha, direction)
 
 
 def check_movement(settings: SkydiverSettings, moves: Movement) -> None:

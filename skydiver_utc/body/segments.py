@@ -106,10 +106,7 @@ def ellipsoids(body: Body) -> Array:
 
     A solid ellipsoid has I_x = m (b^2 + c^2) / 5.
     """
-    half_axes: Array = np.sqrt(
-        2.5 * (body.inertia.sum(axis=1, keepdims=True) - 2.0 * body.inertia) / body.mass[:, None]
-    )
-    return half_axes
+    return np.sqrt(2.5 * (body.inertia.sum(axis=1, keepdims=True) - 2.0 * body.inertia) / body.mass[:, None])
 
 
 def _check_kinds(given: Mapping[str, object], what: str, name: str) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.body.movement import Keyframes, movement
 from skydiver_utc.body.posture import joint_angle_names, joint_ranges, joint_rows, posture_angles
 from skydiver_utc.body.segments import JOINTS
@@ -28,8 +28,6 @@ from skydiver_utc.plants.skydiver.model import build_model
 from skydiver_utc.plants.skydiver.table_error import TableError, table_error
 from skydiver_utc.plants.skydiver.trim import DECIMALS
 from skydiver_utc.recording.joint_angles import JointAngles, read_joint_angles
-
-Array = NDArray[np.float64]
 
 # The range of alpha that the motion is laid over [rad].
 ALPHA = (0.0, 2.0)

@@ -14,9 +14,7 @@ from skydiver_utc.cli.screen import show_values
 from skydiver_utc.cli.settings import load_skydiver
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from skydiver_utc.arrays import Array
     from skydiver_utc.body.principal_components import PrincipalComponents
     from skydiver_utc.parameters import Scenario
 
@@ -103,9 +101,7 @@ def extract(
         show_values({"postures": len(angles), "components": rows}, as_json, "direction")
 
 
-def _component(
-    scenario: "Scenario", found: "PrincipalComponents", i: int, angles: "NDArray[np.float64]"
-) -> dict[str, Any]:
+def _component(scenario: "Scenario", found: "PrincipalComponents", i: int, angles: "Array") -> dict[str, Any]:
     """One component, its sign such that the largest of its accelerations is positive."""
     import numpy as np
 

@@ -3,13 +3,9 @@
 
 from collections import deque
 
-import numpy as np
-from numpy.typing import NDArray
-
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.protocol import Controller, Decision
 from skydiver_utc.plants.protocol import Plant
-
-Array = NDArray[np.float64]
 
 
 class DelayCompensation:

@@ -8,14 +8,12 @@ sequence before, is the real-time iteration (Diehl, Bock, Schloeder, SIAM J. Con
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.horizon import Horizon, HorizonCost, cost_of
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import GaussNewtonSettings
 from skydiver_utc.plants.protocol import Plant
-
-Array = NDArray[np.float64]
 
 # Difference for the derivatives, as a share of a control's range.
 _DIFFERENCE = 1e-5

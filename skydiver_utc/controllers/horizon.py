@@ -15,15 +15,14 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.limits import limited, limits_of
 from skydiver_utc.controllers.roll_out import Dynamics, RollOut
 from skydiver_utc.controllers.settings import CostSettings, HorizonSettings
 from skydiver_utc.jit import program
 from skydiver_utc.plants.protocol import Plant
 
-Array = NDArray[np.float64]
 _COST, _CHANGE_COST = 0.1, 1.0
 
 
@@ -42,8 +41,7 @@ class HorizonCost(NamedTuple):
         changes[:, 1:] -= sequences[:, :-1]
         tracking = np.sum((outputs - reference.ravel()) ** 2, axis=1)
         effort = np.sum((sequences - self.nominal) ** 2 @ self.control + changes**2 @ self.change, axis=1)
-        total: Array = tracking / steps + effort / blocks
-        return total
+        return tracking / steps + effort / blocks
 
 
 def cost_of(settings: CostSettings, plant: Plant) -> HorizonCost:

@@ -2,13 +2,12 @@
 """Bounds and rates of a control vector, as controllers keep them."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.jit import kernel
 from skydiver_utc.plants.protocol import Plant
 
-Array = NDArray[np.float64]
 _STATUS = tuple(Status)
 # Literals for programs.
 SOLVED, SATURATED, KEPT_PREVIOUS = int(Status.SOLVED), int(Status.SATURATED), int(Status.KEPT_PREVIOUS)

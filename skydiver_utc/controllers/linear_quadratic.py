@@ -15,16 +15,14 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.horizon import cost_of
 from skydiver_utc.controllers.limits import KEPT_PREVIOUS, SATURATED, SOLVED, LimitedController, limit
 from skydiver_utc.controllers.protocol import Decision
 from skydiver_utc.controllers.settings import LqrSettings
 from skydiver_utc.jit import by_address, contents, unfused
 from skydiver_utc.plants.protocol import Plant, Reduced
-
-Array = NDArray[np.float64]
 
 _DIFFERENCE = 1e-5
 

@@ -1,15 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Open loop: controls follow the reference, without feedback."""
 
-import numpy as np
-from numpy.typing import NDArray
-
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.limits import LimitedController, limit
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import OpenLoopSettings
 from skydiver_utc.plants.protocol import Plant
-
-Array = NDArray[np.float64]
 
 
 class OpenLoop(LimitedController):

@@ -8,14 +8,13 @@ sample keeps them, so their mean keeps them, too.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.horizon import Horizon, by_name, cost_of
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import MppiSettings
 from skydiver_utc.plants.protocol import Plant
 
-Array = NDArray[np.float64]
 _SHARE = 0.1
 
 

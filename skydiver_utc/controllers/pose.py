@@ -4,15 +4,13 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.limits import KEPT_PREVIOUS, SATURATED, SOLVED, LimitedController, limit
 from skydiver_utc.controllers.protocol import Decision
 from skydiver_utc.controllers.settings import PoseSettings
 from skydiver_utc.jit import by_address, contents, unfused
 from skydiver_utc.plants.protocol import Plant
-
-Array = NDArray[np.float64]
 
 
 class Pose(NamedTuple):

@@ -4,11 +4,7 @@
 from enum import IntEnum
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
-
+from skydiver_utc.arrays import Array
 
 # The telemetry of a controller that counts the sigma points which diverged in a decision.
 DIVERGED_POINTS = "diverged_points"

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba.core.errors import NumbaError
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array, Integers
 from skydiver_utc.controllers.limits import limit
 from skydiver_utc.jit import (
     InMemory,
@@ -27,9 +27,6 @@ from skydiver_utc.jit import (
     program,
 )
 from skydiver_utc.plants.protocol import LEFT_ITS_DOMAIN, MISTAKES, BoundModel, Model, one_line
-
-Array = NDArray[np.float64]
-Steps = NDArray[np.int64]
 
 
 class Dynamics(NamedTuple):
@@ -62,9 +59,9 @@ class Setup(NamedTuple):
     dynamics: Any
     numbers: Array
     kind: int
-    steps: Steps
-    selected: Steps
-    begin: Steps
+    steps: Integers
+    selected: Integers
+    begin: Integers
     limits: Array
     applied: Array
     points: Array

@@ -5,9 +5,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from skydiver_utc.arrays import Array
+
 JUDGEMENT = ("nis_mean", "nis_low", "nis_high", "verdict")  # telemetry, each with `_<sensor>`
 _LEAST = 20  # measurements for a verdict
 VERDICTS = (
@@ -71,5 +71,4 @@ def _bounds(count: int, size: int) -> tuple[float, float, float]:
 def correlation(innovations: Array, lag: int) -> Array:
     """Autocorrelation (l,) at a lag of innovations (K, l) whose mean is expected to be zero."""
     products = np.sum(innovations[lag:] * innovations[:-lag], axis=0)
-    found: Array = products / np.sum(np.square(innovations), axis=0)
-    return found
+    return products / np.sum(np.square(innovations), axis=0)

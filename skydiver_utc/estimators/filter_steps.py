@@ -4,8 +4,8 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array, Integers
 from skydiver_utc.estimators.manifold import distance, moved
 from skydiver_utc.jit import call, contents, kernel, program
 from skydiver_utc.unscented.covariance import symmetric_root
@@ -17,9 +17,6 @@ from skydiver_utc.unscented.sigma_points import (
     unwrap,
     weighted_mean,
 )
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 class Estimate(NamedTuple):
@@ -33,7 +30,7 @@ class Estimate(NamedTuple):
     mean: Array
     P: Array
     attitude: int
-    angles: Indices
+    angles: Integers
     weights: Array
     W0: float
     points: Array
@@ -66,12 +63,12 @@ class Correction(NamedTuple):
     own: int
     function: Any
     numbers: Any
-    selected: Indices
+    selected: Integers
     state: Array
     named: Array
     variance: Array
     bias: int
-    angles: Indices
+    angles: Integers
     measured: Array
     expected: Array
     C_y: Array

@@ -6,14 +6,11 @@ In an error (e,) of a state (N,) the rotation vector stands where the quaternion
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array, Integers
 from skydiver_utc.jit import kernel
 from skydiver_utc.rotations import rotation_between, turned
 from skydiver_utc.unscented.sigma_points import TURN
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @kernel
@@ -33,7 +30,7 @@ def moved(state: Array, error: Array, attitude: int, out: Array) -> None:
 
 
 @kernel
-def distance(state: Array, other: Array, attitude: int, angles: Indices, out: Array) -> None:
+def distance(state: Array, other: Array, attitude: int, angles: Integers, out: Array) -> None:
     """The error (e,) that moves one state (N,) to another; those of `angles` (e's indices) are on the circle."""
     for i in range(state.shape[0]):
         if attitude < 0 or i < attitude:

@@ -4,9 +4,8 @@
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from skydiver_utc.arrays import Array
 
 
 class Reading(NamedTuple):

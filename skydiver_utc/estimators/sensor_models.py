@@ -5,12 +5,10 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array, Integers
 from skydiver_utc.estimators.settings import SensorSettings
 from skydiver_utc.plants.protocol import Plant, SensorModel
-
-Array = NDArray[np.float64]
 
 
 class SensorOfPlant(NamedTuple):
@@ -23,7 +21,7 @@ class SensorOfPlant(NamedTuple):
     name: str
     settings: SensorSettings
     own: SensorModel | None
-    selected: NDArray[np.int64]
+    selected: Integers
     names: tuple[str, ...]
     unit: str
     bias: Array

@@ -6,15 +6,13 @@ from collections import deque
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.estimators.sensor_models import SensorOfPlant, sensors_of
 from skydiver_utc.estimators.settings import SensorSettings
 from skydiver_utc.jit import by_address, in_memory, is_jitted
 from skydiver_utc.plants.protocol import Plant
-
-Array = NDArray[np.float64]
 
 
 class Sensors:

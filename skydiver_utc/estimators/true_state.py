@@ -3,13 +3,9 @@
 
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from skydiver_utc.arrays import Array
 from skydiver_utc.estimators.protocol import Estimator
 from skydiver_utc.parameters.fields import SlotSettings
-
-Array = NDArray[np.float64]
 
 
 class TrueState(Estimator):

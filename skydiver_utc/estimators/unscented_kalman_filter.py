@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.estimators.filter_steps import Correction, Estimate, Prediction, correct, predict
 from skydiver_utc.estimators.manifold import attitude_of, error_names
 from skydiver_utc.estimators.protocol import Estimator, Reading
@@ -16,8 +16,6 @@ from skydiver_utc.estimators.settings import UnscentedKalmanFilterSettings
 from skydiver_utc.jit import InMemory, address, by_address, in_memory, interpreted, is_jitted
 from skydiver_utc.plants.protocol import Plant
 from skydiver_utc.unscented.sigma_points import weights
-
-Array = NDArray[np.float64]
 
 
 class UnscentedKalmanFilter(Estimator):
@@ -217,8 +215,7 @@ def _program(
     where = address(in_memory(function), *given, placed, *written)
     run: Any = by_address([(text, numbers(where, placed.address))], *example)
     run.kept = (*run.kept, placed, function)
-    compiled: Callable[..., None] = run
-    return compiled
+    return run
 
 
 def _called(function: Any, arguments: tuple[Any, ...]) -> None:

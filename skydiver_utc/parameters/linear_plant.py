@@ -4,10 +4,10 @@
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from typing_extensions import Self
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.parameters.fields import Parameters, quantity, text
 from skydiver_utc.parameters.loading import load_named
 
@@ -62,7 +62,7 @@ class TunedLinearSettings(LinearSettings):
     ] = 0.0
 
     @property
-    def process_noise(self) -> NDArray[np.float64]:
+    def process_noise(self) -> Array:
         """Qu as a matrix (m, m)."""
         given = np.array(self.Qu, dtype=float)
         return np.diag(given) if given.ndim == 1 else given

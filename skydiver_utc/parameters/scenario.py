@@ -32,8 +32,7 @@ class Truth(Parameters):
 def laid_over(plant: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, Any]:
     """The block of the plant of the run, plain data; a truth of another kind stands for itself."""
     changes = {field: value for field, value in truth.items() if field not in Truth.model_fields}
-    block: dict[str, Any] = merged({"plant": plant}, {"plant": changes})["plant"]
-    return block
+    return merged({"plant": plant}, {"plant": changes})["plant"]
 
 
 class Scenario(Parameters):

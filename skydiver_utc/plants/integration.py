@@ -64,8 +64,7 @@ def _of_returning(derivative: Any, state: Array, control: Array, dt: float) -> A
     second = np.asarray(derivative(state + 0.5 * dt * first, control))
     third = np.asarray(derivative(state + 0.5 * dt * second, control))
     fourth = np.asarray(derivative(state + dt * third, control))
-    following: Array = state + dt / 6.0 * (first + 2.0 * (second + third) + fourth)
-    return following
+    return state + dt / 6.0 * (first + 2.0 * (second + third) + fourth)
 
 
 def _of_writing(derivative: Any, state: Array, control: Array, dt: float) -> Array:
@@ -74,8 +73,7 @@ def _of_writing(derivative: Any, state: Array, control: Array, dt: float) -> Arr
     derivative(state + 0.5 * dt * slopes[0], control, slopes[1])
     derivative(state + 0.5 * dt * slopes[1], control, slopes[2])
     derivative(state + dt * slopes[2], control, slopes[3])
-    following: Array = state + dt / 6.0 * (slopes[0] + 2.0 * (slopes[1] + slopes[2]) + slopes[3])
-    return following
+    return state + dt / 6.0 * (slopes[0] + 2.0 * (slopes[1] + slopes[2]) + slopes[3])
 
 
 _OF_RETURNING, _OF_WRITING = kernel(_of_returning), kernel(_of_writing)

@@ -177,8 +177,7 @@ class Plant(ABC):
         """The actuators' next state (a,) under a command (m,): bounds, then rates."""
         change = self.rate * self.dt_s
         bounded = np.minimum(np.maximum(command, self.minimum), self.maximum)
-        limited: Array = np.minimum(np.maximum(bounded, applied - change), applied + change)
-        return limited
+        return np.minimum(np.maximum(bounded, applied - change), applied + change)
 
     def step_control(self, before: Array, applied: Array) -> Array:
         """The control (c,) of the model for a step in which the actuators go from before (a,) to applied (a,)."""

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.errors import RecordingError, hint
 from skydiver_utc.parameters.nanoseconds import seconds, stamp_ns
 from skydiver_utc.recording.number_table import numbers, refuse_twice, text_of
@@ -27,9 +27,9 @@ _SUFFIX = "_deg"
 class JointAngles:
     """Joint angles over time: time_s (n,) rising, m names, values (n, m) [rad]; in words, what was left out."""
 
-    time_s: NDArray[np.float64]
+    time_s: Array
     names: tuple[str, ...]
-    values: NDArray[np.float64]
+    values: Array
     note: str = ""
 
 

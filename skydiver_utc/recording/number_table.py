@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.parameters.yaml_io import number
 
@@ -36,7 +36,7 @@ def numbers(
     columns: Sequence[int],
     lines: Sequence[tuple[int, Sequence[str]]],
     degrees: float = 1.0,
-) -> NDArray[np.float64]:
+) -> Array:
     """Numbers (n, m) of some columns, of which the first is the time; the others in degrees.
 
     `lines` are the number of each line and its cells; `degrees` is the unit of the angles.

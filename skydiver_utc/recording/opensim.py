@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.number_table import numbers, refuse_twice, text_of
-
-Array = NDArray[np.float64]
 
 ENDINGS = (".mot", ".sto")
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Integers
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.parameters.nanoseconds import NANOSECONDS
 from skydiver_utc.recording.reader import RecordedTopic, namespace_of
@@ -58,7 +58,7 @@ class Playback:
     recorded speed. With `loop` it begins again after the last message.
     """
 
-    def __init__(self, log_times_ns: NDArray[np.int64], rate: float, start_s: float, loop: bool) -> None:
+    def __init__(self, log_times_ns: Integers, rate: float, start_s: float, loop: bool) -> None:
         self.duration_s = float(log_times_ns[-1] - log_times_ns[0]) / NANOSECONDS
         if start_s > self.duration_s:
             raise RecordingError(

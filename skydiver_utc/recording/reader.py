@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 from mcap.records import Channel, Footer, Schema, Statistics
-from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
+from skydiver_utc.arrays import Integers
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.mcap_file import LAST_TIME_NS
 from skydiver_utc.recording.metadata import HASH_KEY, QOS_KEY, mcap_files
@@ -45,12 +45,12 @@ class RecordedTopic:
         return len(self.cdr)
 
     @property
-    def log_times_ns(self) -> NDArray[np.int64]:
+    def log_times_ns(self) -> Integers:
         """Log times (n,)."""
         return np.array([log for log, _ in self.times_ns], dtype=np.int64)
 
     @property
-    def publish_times_ns(self) -> NDArray[np.int64]:
+    def publish_times_ns(self) -> Integers:
         """Publish times (n,)."""
         return np.array([publish for _, publish in self.times_ns], dtype=np.int64)
 

@@ -8,10 +8,10 @@ from functools import cache
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.analysis.numbers import finite, largest, settled
+from skydiver_utc.arrays import Array
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Parameters, Scenario, load_scenario
@@ -124,7 +124,7 @@ def _hands_correlation(run: Run) -> float | None:
     hands = run.applied[:, 1:3]
     if len(hands) < 2 or np.any(np.std(hands, axis=0) == 0.0):
         return None
-    correlations: NDArray[np.float64] = np.asarray(np.corrcoef(hands.T))
+    correlations: Array = np.asarray(np.corrcoef(hands.T))
     return float(correlations[0, 1])
 
 

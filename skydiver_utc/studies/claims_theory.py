@@ -5,16 +5,14 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.loop.linear_loop import measured_decay, updated_control
 from skydiver_utc.parameters.linear_plant import load_linear_plant
 from skydiver_utc.plants.linear import linear_model
 from skydiver_utc.studies.claim import Claim, decided
 from skydiver_utc.studies.paper_results import PaperResults
 from skydiver_utc.theory.stability import analyse
-
-Array = NDArray[np.float64]
 
 _PLANT, _LONGER = "admire", 5
 _EQUAL, _DIFFERENT = 1e-9, 1e-2

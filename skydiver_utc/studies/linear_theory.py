@@ -4,8 +4,8 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
 from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
 from skydiver_utc.loop.build import build_reference
@@ -19,8 +19,6 @@ from skydiver_utc.plants.skydiver.model import build_model
 from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall, steady_turn, straight_falls
 from skydiver_utc.theory.linear_plant import with_outputs_of_controls
 from skydiver_utc.theory.stability import Stability, analyse
-
-Array = NDArray[np.float64]
 
 _TURN_STEPS = 12
 _RATES = ("roll_rate", "pitch_rate", "yaw_rate")  # in the order of the state
@@ -117,8 +115,7 @@ def _outputs(fall: SteadyFall, tracked: int) -> Array:
 def _definite(matrix: Array, floor: float) -> Array:
     """The nearest covariance, as UTC repairs Pu."""
     values, vectors = np.linalg.eigh(matrix)
-    repaired: Array = (vectors * np.maximum(values, floor)) @ vectors.T
-    return repaired
+    return (vectors * np.maximum(values, floor)) @ vectors.T
 
 
 def report(tuned: Tuned) -> dict[str, Any]:

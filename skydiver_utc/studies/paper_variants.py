@@ -8,9 +8,9 @@ the controls of the package's UTC; it is for the paper's skydiver, one output tr
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.limits import limited, limits_of
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.roll_out import Dynamics, RollOut
@@ -20,7 +20,6 @@ from skydiver_utc.jit import interpreted, program
 from skydiver_utc.parameters.fields import SlotSettings, quantity, text
 from skydiver_utc.plants.protocol import Plant
 
-Array = NDArray[np.float64]
 KIND = "skydiver_utc.studies.paper_variants:PaperController"
 Variant = Literal[
     "indefinite_covariance", "unsigned_s14", "no_hysteresis", "always_ahead", "saved_at_horizon", "positional",

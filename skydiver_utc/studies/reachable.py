@@ -42,10 +42,9 @@ def fast_turn(scenario: Scenario) -> Scenario:
     )
     start = falling.plant.initial
     initial = turn.plant.initial.replace(fall_speed_m_s=start.fall_speed_m_s, pitch_deg=start.pitch_deg)
-    changed: Scenario = turn.replace(
+    return turn.replace(
         plant=scenario.plant.replace(damping=scaled, posture=falling.plant.posture, initial=initial)
     )
-    return changed
 
 
 def tracked(scenario: Scenario, progress: Callable[[int, int], None] | None = None) -> bool:

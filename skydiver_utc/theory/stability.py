@@ -83,8 +83,7 @@ def apart_from_rest(plant: LinearModel, K: Array) -> Array:
     n, m = plant.B.shape
     conditions = np.block([[plant.A - np.eye(n), plant.B], [K @ plant.C, np.zeros((m, m))]])
     _, values, right = np.linalg.svd(conditions)
-    across: Array = right[: int((values > 1e-10 * values[0]).sum())].T
-    return across
+    return right[: int((values > 1e-10 * values[0]).sum())].T
 
 
 def decay(matrix: Array) -> float:

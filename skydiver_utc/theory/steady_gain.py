@@ -61,8 +61,7 @@ def steady_gain(H: Array, P_err: Array, Qu: Array) -> SteadyGain:
 def _row_space(H: Array) -> Array:
     """Orthonormal basis (m, r) of the rows of H."""
     _, values, right = np.linalg.svd(H, full_matrices=False)
-    basis: Array = right[values > 1e-12 * values[0]].T if values.size and values[0] > 0.0 else right[:0].T
-    return basis
+    return right[values > 1e-12 * values[0]].T if values.size and values[0] > 0.0 else right[:0].T
 
 
 def _roots(matrix: Array) -> tuple[Array, Array]:

@@ -2,11 +2,9 @@
 """Symmetric roots of covariances that may have lost their definiteness."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import kernel
-
-Array = NDArray[np.float64]
 
 _SWEEPS = 30
 # The square of what an entry may be beside the norm of its matrix.

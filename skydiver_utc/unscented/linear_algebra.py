@@ -2,11 +2,9 @@
 """The gain of a linear estimate from covariances, written out so that it compiles fast."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import kernel
-
-Array = NDArray[np.float64]
 
 
 @kernel

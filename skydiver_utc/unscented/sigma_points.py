@@ -2,11 +2,10 @@
 """Sigma points, their weights, and the moments of what they become."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import kernel
 
-Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
 
 

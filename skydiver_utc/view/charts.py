@@ -4,15 +4,14 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.analysis.style import BLUE, GREEN, ORANGE, PINK, SKY
+from skydiver_utc.arrays import Array
 from skydiver_utc.view.live_signals import Chart, Signals
 
 if TYPE_CHECKING:  # it is imported only where a page is shown
     from viser import GuiApi
 
-Array = NDArray[np.float64]
 _COLOURS, _AHEAD, _AXIS = (ORANGE, BLUE, GREEN, PINK), SKY, "#888888"
 _HEIGHT = 170  # pixels
 

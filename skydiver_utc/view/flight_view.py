@@ -5,9 +5,9 @@ from collections import deque
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.analysis.style import GREEN, PINK, SKY, VERMILLION, rgb
+from skydiver_utc.arrays import Array
 from skydiver_utc.plants.protocol import FORCE_M_PER_N, Plant
 from skydiver_utc.view.charts import Ahead, Charts
 from skydiver_utc.view.live_signals import Instant, Signals
@@ -16,7 +16,6 @@ from skydiver_utc.view.scene import PlantShapes, as_light
 if TYPE_CHECKING:  # it is imported only where a page is shown
     from viser import ViserServer
 
-Array = NDArray[np.float64]
 _GHOST, _FORCE, _WIND, _PATH = rgb(SKY), rgb(VERMILLION), rgb(GREEN), rgb(PINK)
 _M_PER_M_S = 0.1  # of the arrow of a wind
 _PATH_S = 10.0  # how far the path looks back

@@ -1,15 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gusts that users let begin."""
 
-import numpy as np
-from numpy.typing import NDArray
-
+from skydiver_utc.arrays import Array
 from skydiver_utc.disturbances.protocol import STILL_AIR, Disturbance
 from skydiver_utc.disturbances.wind import Gust
 from skydiver_utc.parameters.registry import factory
 from skydiver_utc.plants.protocol import Plant
-
-Array = NDArray[np.float64]
 
 
 class Gusts(Disturbance):

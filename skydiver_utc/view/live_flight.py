@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.protocol import Controller
 from skydiver_utc.controllers.utc.tunable import Tunable
 from skydiver_utc.disturbances.composed import Composed
@@ -19,7 +19,6 @@ from skydiver_utc.view.gusts import Gusts
 from skydiver_utc.view.live_signals import Instant, Signals, deviations
 from skydiver_utc.view.look_ahead import look_ahead
 
-Array = NDArray[np.float64]
 _LONGEST_S = 36000.0
 # Of the charts: how far they look back, and how densely.
 _SHOWN_S, _ROWS_PER_S = 10.0, 50.0

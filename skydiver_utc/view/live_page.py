@@ -8,13 +8,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.view.flight_view import Flight, FlightView
 from skydiver_utc.view.scene import light, scene_server
 
-Array = NDArray[np.float64]
 _FRAME_S, _FRAMES_OF_CHARTS = 1.0 / 30.0, 3
 # A page that was held up goes on from where it was, instead of catching up with the clock.
 _LONGEST_FRAME_S = 0.1

@@ -5,12 +5,10 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.analysis.units import shown
+from skydiver_utc.arrays import Array
 from skydiver_utc.plants.protocol import Plant
-
-Array = NDArray[np.float64]
 
 
 class Curve(NamedTuple):
@@ -89,8 +87,7 @@ class Signals:
 
     def outputs(self, states: Array) -> Array:
         """All outputs (..., L) of states (..., n), in the units shown."""
-        found: Array = self._outputs * self._plant.outputs(states)
-        return found
+        return self._outputs * self._plant.outputs(states)
 
     def charts(self) -> tuple[Chart, ...]:
         """Tracked outputs with their reference, controls, their deviations, other outputs by unit, and solve time."""

@@ -2,14 +2,12 @@
 """The prediction of a controller, for the ghost of a flight."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.protocol import Controller
 from skydiver_utc.controllers.utc.unscented_transform_controller import UnscentedTransformController
 from skydiver_utc.plants.protocol import Plant
 from skydiver_utc.references.protocol import Reference
-
-Array = NDArray[np.float64]
 
 
 def look_ahead(

@@ -4,14 +4,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array, Flags
 from skydiver_utc.loop.run import Run
 from skydiver_utc.view.scene import Colour, PlantShapes, light, scene_server
 from skydiver_utc.view.signals import posed
 from skydiver_utc.view.stills import EYE, RIGHT
 
-Floats = NDArray[np.float64]
 _MOST_FRAMES, _FRAMES_PER_S = 600, 30.0
 _SIZES_APART = 1.1  # of bodies side by side
 _FAR = 5.0  # sizes: the view follows bodies that go farther
@@ -48,7 +47,7 @@ def player_page(runs: Sequence[Run], colours: Sequence[Colour | None]) -> str:
         return str(recording.as_html())
 
 
-def poses_at(run: Run, times_s: Floats) -> Floats:
+def poses_at(run: Run, times_s: Array) -> Array:
     """Poses (T, S, 7) of the plant's shapes at the states nearest before these times."""
     rows = np.clip(np.searchsorted(run.time_s, times_s + 1e-9, side="right") - 1, 0, len(run.applied) - 1)
     whole = np.flatnonzero(_drawable(run))
@@ -61,21 +60,20 @@ def has_bodies(run: Run) -> bool:
     return bool(run.plant.shapes) and bool(_drawable(run).any())
 
 
-def _drawable(run: Run) -> NDArray[np.bool_]:
+def _drawable(run: Run) -> Flags:
     """The steps (K,) whose state and control are known."""
-    drawable: NDArray[np.bool_] = posed(run)[:-1] & np.isfinite(run.applied).all(axis=1)
-    return drawable
+    return posed(run)[:-1] & np.isfinite(run.applied).all(axis=1)
 
 
-def _seen_from(run: Run, poses: Floats) -> tuple[Floats, float]:
+def _seen_from(run: Run, poses: Array) -> tuple[Array, float]:
     """Where the view is from, (T, 3), and the width of what it sees.
 
     It follows the shapes' middle where they travel far, else it stays at their first one.
     """
     half = np.array([max(shape.half_axes) for shape in run.plant.shapes])
-    middle: Floats = poses[:, :, :3].mean(axis=1)
+    middle: Array = poses[:, :, :3].mean(axis=1)
 
-    def width(origin: Floats, rows: slice) -> float:
+    def width(origin: Array, rows: slice) -> float:
         distances = np.linalg.norm(poses[rows, :, :3] - origin[rows, np.newaxis], axis=2)
         return 2.0 * float(np.max(distances + half))
 

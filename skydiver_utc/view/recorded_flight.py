@@ -2,13 +2,12 @@
 """A recorded run as a page plays it."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.view.live_signals import Instant, Signals, deviations
 
-Array = NDArray[np.float64]
 _MOST_ROWS = 1500
 
 
@@ -47,8 +46,7 @@ class RecordedFlight:
 
     def history(self) -> Array:
         """Rows of the signals (R, columns) until now."""
-        shown: Array = self._rows[: np.searchsorted(self._rows[:, 0], self._time_s, side="right")]
-        return shown
+        return self._rows[: np.searchsorted(self._rows[:, 0], self._time_s, side="right")]
 
     def look_ahead(self, seconds: float = 0.0) -> tuple[Array, Array]:
         """Nothing, S = 0: a recording has no controller."""

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.utc.unscented_transform_controller import UnscentedTransformController
 from skydiver_utc.disturbances.air import in_moving_air
 from skydiver_utc.disturbances.protocol import STILL_AIR
@@ -24,7 +24,6 @@ from skydiver_utc.view.gusts import Gusts
 from skydiver_utc.view.live_signals import Instant, Signals, deviations
 from skydiver_utc.view.look_ahead import look_ahead
 
-Array = NDArray[np.float64]
 _MOST_ROWS = 300  # ten seconds of frames
 
 

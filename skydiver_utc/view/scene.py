@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skydiver_utc.analysis.style import BLUE, GREEN, ORANGE, PURPLE, VERMILLION, rgb
+from skydiver_utc.arrays import Array
 from skydiver_utc.plants.protocol import Plant
 
 if TYPE_CHECKING:  # it is imported only where a body is shown
     from viser import SceneApi, ViserServer
 
-Floats = NDArray[np.float64]
 Colour = tuple[int, int, int]
 
 # Left and right show which way a body turns.
@@ -69,7 +69,7 @@ class PlantShapes:
             lod="off",
         )
 
-    def show(self, poses: Floats, origin: Floats | tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
+    def show(self, poses: Array, origin: Array | tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
         """Draw the shapes at poses (S, 7) of the world, as `Plant.shape_poses` gives them, seen from an origin (3,)."""
         self.mesh.batched_positions = (poses[:, :3] - origin).astype(np.float32)
         self.mesh.batched_wxyzs = poses[:, [6, 3, 4, 5]].astype(np.float32)

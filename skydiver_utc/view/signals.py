@@ -6,13 +6,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.analysis.metrics import CONVERGED_SHARE
 from skydiver_utc.analysis.units import disturbance_words, shown, shown_disturbance
+from skydiver_utc.arrays import Array, Flags, Integers
 from skydiver_utc.loop.run import Run
 
-Floats = NDArray[np.float64]
 _BUCKETS = 600  # of a curve, each with its smallest and its largest value
 _MOST_CURVES = 4  # of a chart: as many as there are colours
 _LARGEST = 1e30  # of an axis
@@ -33,7 +32,7 @@ class Signal(NamedTuple):
     chart: str
     unit: str
     name: str
-    values: Floats
+    values: Array
     role: str = "value"
     held: bool = False
     limits: tuple[float, float] | None = None
@@ -143,15 +142,15 @@ def _estimates(run: Run) -> Iterator[Signal]:
         yield Signal(*chart, "error", scale.factor * (actual - telemetry[_ESTIMATE + state]))
 
 
-def posed(run: Run) -> NDArray[np.bool_]:
+def posed(run: Run) -> Flags:
     """The rows of a run's states (K+1,) that are numbers, with an attitude where the state has one."""
-    known: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(run.states), axis=1)
+    known: Flags = np.logical_and.reduce(np.isfinite(run.states), axis=1)
     if run.plant.state_message == "odometry":
         known &= np.linalg.norm(run.states[:, 3:7], axis=1) > 0.0
     return known
 
 
-def decimated(values: Floats) -> NDArray[np.int64]:
+def decimated(values: Array) -> Integers:
     """Indices of the smallest and the largest value of each of at most 600 equal stretches, in order.
 
     A stretch without a value keeps its first, so that a hole stays one. values: (K,) or (2, K), of which the lower

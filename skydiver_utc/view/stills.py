@@ -4,14 +4,13 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.analysis.metrics import convergence_time
 from skydiver_utc.analysis.numbers import row_from, settled
+from skydiver_utc.arrays import Array
 from skydiver_utc.loop.run import Run
 from skydiver_utc.plants.protocol import Plant
 
-Floats = NDArray[np.float64]
 # From where a body is seen, and the right and upper direction of a picture from there.
 EYE = np.array([0.62, -0.64, 0.45]) / np.linalg.norm([0.62, -0.64, 0.45])
 RIGHT = np.cross([0.0, 0.0, 1.0], EYE) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], EYE))
@@ -46,7 +45,7 @@ def moments(run: Run) -> list[Moment]:
     return sorted(kept)
 
 
-def drawing(plant: Plant, poses: Floats, colours: list[str]) -> str:
+def drawing(plant: Plant, poses: Array, colours: list[str]) -> str:
     """The shapes at poses (S, 7) as SVG, as seen from `EYE` at a great distance; class names for their colours."""
     from scipy.spatial.transform import Rotation
 
@@ -65,7 +64,7 @@ def drawing(plant: Plant, poses: Floats, colours: list[str]) -> str:
     )
 
 
-def _ellipse(place: Floats, flat: Floats, colour: str) -> str:
+def _ellipse(place: Array, flat: Array, colour: str) -> str:
     (small, large), directions = np.linalg.eigh(flat @ flat.T)
     turned = np.degrees(np.arctan2(directions[1, 1], directions[0, 1]))
     return (

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.roll_out import Dynamics, RollOut
 from skydiver_utc.controllers.utc.dynamics import incremental, user_dynamics
 from skydiver_utc.controllers.utc.horizon_outputs import HorizonOutputs
@@ -15,7 +15,6 @@ from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
 from skydiver_utc.plants.protocol import Plant
 from skydiver_utc.unscented.sigma_points import weights
 
-Array = NDArray[np.float64]
 # After how many horizons, and steps at least, an innovation that does not shrink counts as not reached.
 _PATIENCE, _LEAST_PATIENCE = 10, 50
 # Products of squares of a larger range would overflow.

@@ -5,14 +5,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.roll_out import Dynamics
 from skydiver_utc.jit import program
 from skydiver_utc.plants.function import in_form, tried
 from skydiver_utc.plants.protocol import Plant
-
-Array = NDArray[np.float64]
 
 
 @program

@@ -4,9 +4,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from skydiver_utc.arrays import Array, Integers
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +31,7 @@ class Explanation:
     moves: Array
     unit: Array
     distance: Array
-    clipped: NDArray[np.int64]
+    clipped: Integers
     diverged: int
     cause: str
 

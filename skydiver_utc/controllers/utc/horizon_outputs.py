@@ -2,13 +2,10 @@
 """The outputs that a step of UTC predicts: their names, the covariance of their errors, constant references, angles."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array, Integers
 from skydiver_utc.controllers.utc.settings import Covariance, UtcSettings, matrix
 from skydiver_utc.plants.protocol import Plant
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 # sqrt(P_err) as a share of what the initial Pu moves an output, where no P_err is given.
 _SHARE_OF_SPREAD = 0.1
@@ -49,10 +46,9 @@ class HorizonOutputs:
             self.set_error(settings.P_err)
 
     @property
-    def of_tracked(self) -> Indices:
+    def of_tracked(self) -> Integers:
         """Indices (T, l) of the tracked outputs in Y."""
-        indices: Indices = np.arange(self.size).reshape(self._steps, len(self.names))[:, : len(self.tracked)]
-        return indices
+        return np.arange(self.size).reshape(self._steps, len(self.names))[:, : len(self.tracked)]
 
     @property
     def error(self) -> Array:
@@ -90,16 +86,14 @@ class HorizonOutputs:
             return np.zeros((self._steps, len(self.names)))
         found = np.sqrt(self._weight_beside * np.mean(np.square(beside[alive]), axis=0))
         found[found <= _ROUNDING * np.abs(outputs[0])] = 0.0
-        spread: Array = found.reshape(self._steps, len(self.names))
-        return spread
+        return found.reshape(self._steps, len(self.names))
 
-    def differences(self, found: Array, columns: Indices) -> Array:
+    def differences(self, found: Array, columns: Integers) -> Array:
         """Differences (..., c) of these columns of Y, those of angles on the circle."""
         if not len(self.angles):
             return found
         turns = np.where(np.isin(columns, self.angles), np.round(found / (2.0 * np.pi)), 0.0)
-        wrapped: Array = found - 2.0 * np.pi * turns
-        return wrapped
+        return found - 2.0 * np.pi * turns
 
     def _set_error(self, tracked: Array) -> None:
         of_step = np.diag([0.0] * len(self.tracked) + self._further)

@@ -5,8 +5,8 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array, Integers
 from skydiver_utc.controllers.protocol import Status
 from skydiver_utc.controllers.utc.survivors import next_spread, survived_range, weights_left
 from skydiver_utc.controllers.utc.verdict import not_reached, without_effect
@@ -20,8 +20,6 @@ from skydiver_utc.unscented.sigma_points import (
     unwrap,
     weighted_mean,
 )
-
-Array = NDArray[np.float64]
 
 
 class Recovery(IntEnum):
@@ -59,7 +57,7 @@ class Law(NamedTuple):
     events (3,): status, recovery and lost points of the step
     """
 
-    steps: NDArray[np.int64]
+    steps: Integers
     points: Array
     of_roll_out: Array
     weights: Array
@@ -69,11 +67,11 @@ class Law(NamedTuple):
     limits: Array
     P_err: Array
     Qu: Array
-    nominal: NDArray[np.int64]
+    nominal: Integers
     tracked: int
     per_step: int
     tangent: bool
-    angles: NDArray[np.int64]
+    angles: Integers
     of_control: bool
     outputs: Array
     saved: Array
@@ -92,7 +90,7 @@ class Law(NamedTuple):
     watch: Array
     patience: int
     singly: Array
-    events: NDArray[np.int64]
+    events: Integers
 
 
 # A repair of Pu below this share of its trace is rounding, and no reason to call a step repaired.

@@ -4,12 +4,10 @@
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.utc.horizon_outputs import HorizonOutputs
 from skydiver_utc.plants.protocol import LEFT_ITS_DOMAIN, Plant
-
-Array = NDArray[np.float64]
 
 
 class OutputOffset:
@@ -73,8 +71,7 @@ class OutputOffset:
     def _outputs(self, state: Array) -> Array:
         y = np.empty(len(self._plant.output_names))
         self._plant.bound_model.outputs(state, y)
-        found: Array = y[self._of.selected]
-        return found
+        return y[self._of.selected]
 
     def _wrapped(self, difference: Array) -> Array:
         return self._of.differences(difference, np.arange(self._size))

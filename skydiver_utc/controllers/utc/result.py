@@ -4,13 +4,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.protocol import Status
 from skydiver_utc.controllers.utc.law import Recovery
 from skydiver_utc.controllers.utc.verdict import LARGE
 
-Array = NDArray[np.float64]
 # Pu counts as grown where its variance is above that at the start by this factor.
 GROWN = 1e3
 
@@ -63,14 +62,12 @@ class UtcResult:
     @property
     def normalised_innovation(self) -> Array:
         """The innovation (l,) in units of sqrt(P_err): beyond 3 the reference is not met as closely as P_err asks."""
-        normalised: Array = self.innovation / self.unit
-        return normalised
+        return self.innovation / self.unit
 
     @property
     def deviations(self) -> Array:
         """Standard deviations (m,) of the controls."""
-        deviations: Array = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        return deviations
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
     def limited(self) -> tuple[str, ...]:

@@ -5,14 +5,13 @@ from collections.abc import Mapping
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from typing_extensions import Self
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.parameters.conversion import checked
 from skydiver_utc.parameters.fields import Parameters, SlotSettings, quantity, text
 
-Array = NDArray[np.float64]
 # One variance for all, one by name, one each in order, or the matrix.
 Number = Annotated[float, Field(strict=True)]
 Covariance = Number | dict[str, Number] | tuple[Number, ...] | tuple[tuple[Number, ...], ...]

@@ -2,11 +2,10 @@
 """Sigma points that diverged: the weights of the others, and how far from the centre the next ones are drawn."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import kernel
 
-Array = NDArray[np.float64]
 # An output beyond this is lost: its square would overflow.
 _LARGEST_OUTPUT = 1e100
 # Weights that are left after losses are not scaled up beyond the inverse of this.

@@ -7,9 +7,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from typing_extensions import Self
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.roll_out import RollOut
 from skydiver_utc.controllers.utc.construction import plain
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
@@ -20,7 +21,6 @@ from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
 from skydiver_utc.plants.function import bounds, rates
 from skydiver_utc.plants.protocol import Plant
 
-Array = NDArray[np.float64]
 # The share of their distance at which sigma points show the slope of the outputs.
 _OF_SLOPE = 0.01
 _SETTABLE = ("P_err", "Qu", "minimum", "maximum", "rate", "dt")
@@ -166,8 +166,7 @@ class Tunable:
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         """A copy that goes on by itself; the plant, which keeps no state, is shared."""
-        made: Self = _remembered(type(self), self._made_of, self._memory())
-        return made
+        return _remembered(type(self), self._made_of, self._memory())
 
     def _memory(self) -> dict[str, Any]:
         """All that a step changes or a user has set, as copies."""

@@ -4,11 +4,10 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import kernel
 
-Array = NDArray[np.float64]
 # Below this share of P_err what controls move of an output, squared, moves nothing in any time that counts.
 LEAST_EFFECT = 1e-6
 # An innovation beyond this many sqrt(P_err) is large.

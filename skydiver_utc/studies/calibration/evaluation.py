@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import ParameterError, Parameters, Scenario, SkydiverSettings, load_scenario
@@ -21,8 +20,6 @@ from skydiver_utc.studies.bars import Bar
 from skydiver_utc.studies.calibration.candidate import build_candidate, skydiver_of
 from skydiver_utc.studies.calibration.settings import Calibration, StaticTarget
 from skydiver_utc.studies.cases import measure
-
-Array = NDArray[np.float64]
 
 # A target that is met by this margin, in the logarithm of value / bar, costs next to nothing.
 _MARGIN = 0.1

@@ -10,16 +10,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.studies.calibration.candidate import numbers_of
 from skydiver_utc.studies.calibration.evaluation import Evaluation, evaluate
 from skydiver_utc.studies.calibration.settings import Calibration
 from skydiver_utc.studies.ledger import FILE, Row, ledger
 
-Array = NDArray[np.float64]
 Tried = Callable[[list[Evaluation]], None]
 
 # First standard deviation, as a share of the distance of the bounds.
