@@ -2,6 +2,7 @@
 """``skydiver-utc pattern show``: the effect of a movement pattern on a straight fall, at once and in the end."""
 
 from collections.abc import Sequence
+from operator import itemgetter
 
 import click
 
@@ -11,6 +12,7 @@ from skydiver_utc.cli.settings import load_skydiver
 
 # Of a pattern angle: the accelerations at once, in body axes.
 _SHOWN = ("alpha_rad", "surge_m_s2", "sway_m_s2", "heave_m_s2", "roll_rad_s2", "pitch_rad_s2", "yaw_rad_s2")
+_SHOWN_OF = itemgetter("alpha_rad", "acceleration_m_s2", "angular_acceleration_rad_s2", "steady")
 
 
 @click.command(cls=options.Computing, short_help="Show the effect of PATTERN on a straight fall.")
@@ -32,14 +34,7 @@ def show(pattern: str, scenario: str, settings: Sequence[str], as_json: bool) ->
     )
     if not as_json:
         values["at"] = [
-            dict(
-                zip(
-                    _SHOWN,
-                    (row["alpha_rad"], *row["acceleration_m_s2"], *row["angular_acceleration_rad_s2"]),
-                    strict=True,
-                )
-            )
-            | (row["steady"] or {})
-            for row in values["at"]
+            dict(zip(_SHOWN, (angle, *moves, *turns), strict=True)) | (steady or {})
+            for angle, moves, turns, steady in map(_SHOWN_OF, values["at"])
         ]
     show_values(values, as_json)

@@ -29,10 +29,7 @@ _POLL_S = 0.1
 @click.command(epilog=_CHECK_EXIT_CODES, short_help="Play a recorded run again, or check its controller.")
 @options.run_folder
 @click.option(
-    "--rate",
-    type=options.number,
-    metavar="X",
-    help="Speed, in simulated seconds per second.  [default: 1]",
+    "--rate", type=options.number, metavar="X", help="Speed, in simulated seconds per second.  [default: 1]"
 )
 @click.option(
     "--start", type=options.number, metavar="S", help="Begin this many seconds after the first message."

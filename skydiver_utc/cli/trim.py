@@ -36,12 +36,7 @@ _LEFT_OUT = (
 @options.as_json
 @options.quiet
 def trim(
-    posture: str | None,
-    scenario: str,
-    settings: Sequence[str],
-    reachable: bool,
-    as_json: bool,
-    quiet: bool,
+    posture: str | None, scenario: str, settings: Sequence[str], reachable: bool, as_json: bool, quiet: bool
 ) -> None:
     """Find the straight fall of POSTURE, linearise it, and show how it turns.
 

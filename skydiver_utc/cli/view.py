@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
 
 @click.command(
-    cls=options.Computing,
-    short_help="Show runs, or a flight that you change as it goes on, in a browser.",
+    cls=options.Computing, short_help="Show runs, or a flight that you change as it goes on, in a browser."
 )
 @click.argument("runs", metavar="[RUN...]", nargs=-1, type=options.PATH)
 @click.option(

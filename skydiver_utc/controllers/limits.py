@@ -4,13 +4,8 @@
 import numpy as np
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.jit import kernel
 from skydiver_utc.plants.protocol import Plant
-
-_STATUS = tuple(Status)
-# Literals for programs.
-SOLVED, SATURATED, KEPT_PREVIOUS = int(Status.SOLVED), int(Status.SATURATED), int(Status.KEPT_PREVIOUS)
 
 
 def limits_of(plant: Plant) -> Array:
@@ -47,7 +42,3 @@ class LimitedController:
     def resume(self, control: Array) -> None:
         """Start from this control (m,), the one applied last."""
         self._previous[:] = control
-
-    def _decision(self, out: Array) -> Decision:
-        """The control as it is now; out: telemetry (n,), then the number of the status."""
-        return Decision(self._previous.copy(), out[:-1].copy(), _STATUS[int(out[-1])])

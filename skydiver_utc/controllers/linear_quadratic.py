@@ -18,13 +18,16 @@ import numpy as np
 
 from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.horizon import cost_of
-from skydiver_utc.controllers.limits import KEPT_PREVIOUS, SATURATED, SOLVED, LimitedController, limit
-from skydiver_utc.controllers.protocol import Decision
+from skydiver_utc.controllers.limits import LimitedController, limit
+from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import LqrSettings
 from skydiver_utc.jit import by_address, contents, unfused
 from skydiver_utc.plants.protocol import Plant, Reduced
 
 _DIFFERENCE = 1e-5
+_STATUS = tuple(Status)
+# Literals for the program.
+_SOLVED, _SATURATED, _KEPT_PREVIOUS = int(Status.SOLVED), int(Status.SATURATED), int(Status.KEPT_PREVIOUS)
 
 
 class Linearised(NamedTuple):
@@ -140,7 +143,7 @@ class LinearQuadraticController(LimitedController):
         """u_k = u_k-1 - K xi + F r, then the limits."""
         out = self._out
         self._track(self._reduce(state), preview, out)
-        return self._decision(out)
+        return Decision(self._previous.copy(), out[:-1].copy(), _STATUS[int(out[-1])])
 
 
 @unfused
@@ -168,9 +171,9 @@ def track(z: Array, preview: Array, numbers: Tracking, out: Array) -> None:
             for k in range(l):
                 wanted[c] += F[j, c, k] * (preview[j + 1, k] - numbers.outputs[k])
         if not abs(wanted[c]) < np.inf:
-            out[0], out[1], out[2] = 0.0, 0.0, KEPT_PREVIOUS
+            out[0], out[1], out[2] = 0.0, 0.0, _KEPT_PREVIOUS
             return
     limit(wanted, numbers.limits, previous)
     for c in range(m):
         beyond = max(beyond, abs(wanted[c] - previous[c]))
-    out[0], out[1], out[2] = error, beyond, SOLVED if beyond == 0.0 else SATURATED
+    out[0], out[1], out[2] = error, beyond, _SOLVED if beyond == 0.0 else _SATURATED

@@ -10,13 +10,7 @@ from skydiver_utc.estimators.manifold import distance, moved
 from skydiver_utc.jit import call, contents, kernel, program
 from skydiver_utc.unscented.covariance import symmetric_root
 from skydiver_utc.unscented.linear_algebra import gain
-from skydiver_utc.unscented.sigma_points import (
-    TURN,
-    add_cross_covariance,
-    spread,
-    unwrap,
-    weighted_mean,
-)
+from skydiver_utc.unscented.sigma_points import TURN, add_cross_covariance, spread, unwrap, weighted_mean
 
 
 class Estimate(NamedTuple):

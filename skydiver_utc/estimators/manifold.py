@@ -22,11 +22,7 @@ def moved(state: Array, error: Array, attitude: int, out: Array) -> None:
         elif i >= attitude + 4:
             out[i] = state[i] + error[i - 1]
     if attitude >= 0:
-        turned(
-            state[attitude : attitude + 4],
-            error[attitude : attitude + 3],
-            out[attitude : attitude + 4],
-        )
+        turned(state[attitude : attitude + 4], error[attitude : attitude + 3], out[attitude : attitude + 4])
 
 
 @kernel
@@ -41,9 +37,7 @@ def distance(state: Array, other: Array, attitude: int, angles: Integers, out: A
         out[angles[a]] -= TURN * np.rint(out[angles[a]] / TURN)
     if attitude >= 0:
         rotation_between(
-            state[attitude : attitude + 4],
-            other[attitude : attitude + 4],
-            out[attitude : attitude + 3],
+            state[attitude : attitude + 4], other[attitude : attitude + 4], out[attitude : attitude + 3]
         )
 
 

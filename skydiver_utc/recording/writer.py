@@ -15,12 +15,7 @@ from typing import BinaryIO
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.parameters.files import write_file
 from skydiver_utc.recording.mcap_file import Definition, McapFile, QueuedMessage, StoredTopic
-from skydiver_utc.recording.metadata import (
-    HASH_KEY,
-    METADATA_FILE,
-    QOS_KEY,
-    metadata_yaml,
-)
+from skydiver_utc.recording.metadata import HASH_KEY, METADATA_FILE, QOS_KEY, metadata_yaml
 
 
 class BagWriter:

@@ -38,13 +38,19 @@ class Explanation:
     @property
     def hints(self) -> tuple[str, ...]:
         """Advice on the settings, in words."""
-        if self.diverged == 2 * len(self.controls) + 1:
-            return tuple(self._about_divergence())
-        return (
-            *self._about_divergence(),
-            *(hint for k in range(len(self.outputs)) for hint in self._about_output(k)),
-            *(hint for c in range(len(self.controls)) for hint in self._about_control(c)),
-        )
+        if self.diverged:
+            cause = f" ({self.cause})" if self.cause else ""
+            return (f"{self.diverged} sigma points diverge{cause}: give a smaller Pu, or a shorter horizon",)
+        found = []
+        for name, unit, moved in zip(self.outputs, self.unit, np.abs(self.moves).max(axis=0), strict=True):
+            if not moved > 0.0:
+                found.append(f"no control moves {name}: take a longer horizon, or another output")
+            elif unit > moved:
+                found.append(
+                    f"sqrt(P_err) of {name} is {unit / moved:.3g} times what the controls move it: a step takes up a"
+                    " small share of the distance; give a smaller P_err, or a larger Pu or Qu"
+                )
+        return tuple(found)
 
     def __str__(self) -> str:
         head = ["control", "now", "minimum", "maximum", "deviation", "clipped"]
@@ -63,28 +69,3 @@ class Explanation:
             "  ".join(cell.rjust(w) for cell, w in zip(row, width, strict=True)).rstrip() for row in rows
         ]
         return "\n".join([f"one deviation of each control, over {self.horizon} steps", *lines, *self.hints])
-
-    def _about_divergence(self) -> list[str]:
-        if not self.diverged:
-            return []
-        cause = f" ({self.cause})" if self.cause else ""
-        return [f"{self.diverged} sigma points diverge{cause}: give a smaller Pu, or a shorter horizon"]
-
-    def _about_output(self, k: int) -> list[str]:
-        moved, name = np.abs(self.moves[:, k]).max(), self.outputs[k]
-        if not moved > 0.0:
-            return [f"no control moves {name}: take a longer horizon, or another output"]
-        if self.unit[k] > moved:
-            return [
-                f"sqrt(P_err) of {name} is {self.unit[k] / moved:.3g} times what the controls move it: a step takes up"
-                " a small share of the distance; give a smaller P_err, or a larger Pu or Qu"
-            ]
-        return []
-
-    def _about_control(self, c: int) -> list[str]:
-        name, span = self.controls[c], self.maximum[c] - self.minimum[c]
-        if span == 0.0:
-            return [f"{name} is frozen: its bounds are equal"]
-        if not (np.abs(self.moves[c]) > 1e-3 * self.unit).any():
-            return [f"{name} moves no output: give it a nominal value, or a forgetting_factor"]
-        return []

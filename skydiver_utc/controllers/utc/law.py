@@ -13,13 +13,7 @@ from skydiver_utc.controllers.utc.verdict import not_reached, without_effect
 from skydiver_utc.jit import contents, kernel, program
 from skydiver_utc.unscented.covariance import symmetric_root
 from skydiver_utc.unscented.linear_algebra import gain
-from skydiver_utc.unscented.sigma_points import (
-    TURN,
-    add_cross_covariance,
-    spread,
-    unwrap,
-    weighted_mean,
-)
+from skydiver_utc.unscented.sigma_points import TURN, add_cross_covariance, spread, unwrap, weighted_mean
 
 
 class Recovery(IntEnum):

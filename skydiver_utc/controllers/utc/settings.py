@@ -134,8 +134,7 @@ class UtcSettings(SlotSettings):
     ] = None
     Qu_ratio: Annotated[float, quantity("1", "Qu as a share of Pu at k = 0", ge=0, le=100)] = 0.1
     covariance_floor: Annotated[
-        float | None,
-        text("smallest eigenvalue of Pu after its repair; null: 1e-9 of the smallest variance"),
+        float | None, text("smallest eigenvalue of Pu after its repair; null: 1e-9 of the smallest variance")
     ] = None
     coupling: Annotated[
         Coupling | None, text("covariances of the controls that change with the reference")
