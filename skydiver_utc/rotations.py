@@ -4,11 +4,9 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import kernel
-
-Array = NDArray[np.float64]
 
 
 def up_components(x: Any, y: Any, z: Any, w: Any) -> tuple[Any, Any, Any]:

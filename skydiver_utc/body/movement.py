@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.body.posture import pattern_direction, posture_angles, refuse_beyond
 from skydiver_utc.body.segments import JOINTS
 from skydiver_utc.parameters import MovementPattern, ParameterError, Posture, PosturePath, SkydiverSettings
-
-Array = NDArray[np.float64]
 
 # Two postures that differ by less are the same: files hold degrees with six decimals.
 _SAME_POSTURE_RAD = 1e-6

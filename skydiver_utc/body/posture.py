@@ -13,13 +13,12 @@ On the midline abduction is a bend to the left and rotation a turn to the left.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.body.segments import JOINTS, SEGMENTS, Body
 from skydiver_utc.jit import kernel
 from skydiver_utc.parameters import JointLimits, MovementPattern, ParameterError, Posture
 
-Array = NDArray[np.float64]
 ANGLES = ("flexion", "abduction", "rotation")
 # Angles are written to YAML in degrees with six decimals: one at its limit may pass it by half the last.
 _ROUNDING_RAD = 1e-7

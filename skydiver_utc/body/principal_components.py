@@ -4,12 +4,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.body.posture import ANGLES
 from skydiver_utc.body.segments import JOINTS
-
-Array = NDArray[np.float64]
 
 # Singular values below this share of the largest are rounding.
 _NEGLIGIBLE = 1e-9

@@ -10,11 +10,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array, Integers
 from skydiver_utc.parameters import ParameterError, SegmentTable, Subject
-
-Array = NDArray[np.float64]
 
 
 class Segment(NamedTuple):
@@ -71,7 +69,7 @@ class Body(NamedTuple):
     drag_area (16, 3) along the segment's own x, y, z [m2]
     """
 
-    parent: NDArray[np.int64]
+    parent: Integers
     joint: Array
     centre: Array
     mass: Array

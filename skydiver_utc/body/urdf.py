@@ -9,13 +9,11 @@ import math
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.body.posture import ANGLES, joint_angle_names, joint_ranges, rotation_axes
 from skydiver_utc.body.segments import SEGMENTS, Body, build_body, ellipsoids
 from skydiver_utc.parameters import Subject
-
-Array = NDArray[np.float64]
 
 # A box has the mass and the moments of inertia of an ellipsoid with these half axes.
 _BOX = math.sqrt(2.4)

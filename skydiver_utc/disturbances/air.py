@@ -2,13 +2,11 @@
 """The state of a body in moving air, as a kernel."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.disturbances.protocol import STILL_AIR
 from skydiver_utc.jit import program
 from skydiver_utc.rotations import turn_into_body
-
-Array = NDArray[np.float64]
 
 
 def in_moving_air(state: Array, wind: Array, before: Array, dt_s: float) -> Array:

@@ -6,15 +6,14 @@ from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.disturbances.protocol import Disturbance
 from skydiver_utc.disturbances.rows import BLOCK, Rows
 from skydiver_utc.parameters.fields import SlotSettings, quantity
 from skydiver_utc.plants.protocol import Plant
 from skydiver_utc.rotations import turn_into_world
 
-Array = NDArray[np.float64]
 _LEAST_SPEED_M_S = 1.0
 
 

@@ -5,15 +5,14 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.disturbances.protocol import Disturbance
 from skydiver_utc.disturbances.rows import BLOCK, Rows
 from skydiver_utc.parameters.fields import SlotSettings, quantity
 from skydiver_utc.plants.protocol import Plant
 from skydiver_utc.rotations import turned
 
-Array = NDArray[np.float64]
 Deviation = Annotated[float, quantity("1", "standard deviation, in the unit of the state or group", ge=0)]
 Value = Annotated[float, quantity("1", "value, in the unit of the state or group")]
 

@@ -4,9 +4,9 @@
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from skydiver_utc.arrays import Array
+
 STILL_AIR = np.zeros(3)
 
 

@@ -5,14 +5,12 @@ from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array, Integers
 from skydiver_utc.disturbances.protocol import Disturbance
 from skydiver_utc.disturbances.rows import BLOCK, Rows
 from skydiver_utc.parameters.fields import SlotSettings, quantity
 from skydiver_utc.plants.protocol import Plant
-
-Array = NDArray[np.float64]
 
 
 class Transmission(Disturbance):
@@ -57,7 +55,7 @@ class Transmission(Disturbance):
         """Forget all states."""
         self._states = {}
 
-    def _blocks(self) -> Iterator[NDArray[np.int64]]:
+    def _blocks(self) -> Iterator[Integers]:
         """For each step the newest state that has arrived by then (BLOCK,)."""
         random = np.random.default_rng(self._seed)
         begin, newest = 0, np.full(BLOCK, -1)

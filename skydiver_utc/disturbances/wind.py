@@ -5,13 +5,11 @@ import math
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.disturbances.protocol import STILL_AIR, Disturbance
 from skydiver_utc.parameters.fields import SlotSettings, quantity
 from skydiver_utc.plants.protocol import Plant
-
-Array = NDArray[np.float64]
 
 
 class WindSettings(SlotSettings):

@@ -5,7 +5,8 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+
+from skydiver_utc.arrays import Array
 
 
 class MessageError(ValueError):
@@ -38,7 +39,7 @@ class Refusals:
         return ", ".join(f"{kind} {count}" for kind, count in sorted(self.counts.items()))
 
 
-def refuse_non_finite(values: NDArray[np.float64], names: Sequence[str]) -> None:
+def refuse_non_finite(values: Array, names: Sequence[str]) -> None:
     """Raise `MessageError` where a value is NaN or infinite."""
     finite = np.isfinite(values)
     if not finite.all():

@@ -6,18 +6,17 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.messages.errors import refuse_non_finite
 from skydiver_utc.messages.named import fill_named, read_named
 
-Vector = NDArray[np.float64]
 TWIST_COMPONENTS = tuple(f"{part}.{axis}" for part in ("linear", "angular") for axis in "xyz")
 # By ROS's convention the first number of a covariance is -1 where an Imu does not measure that.
 _OF_IMU = ("orientation", "angular_velocity", "linear_acceleration")
 
 
-def fill_fields(message: Any, values: Vector, fields: Sequence[str]) -> Any:
+def fill_fields(message: Any, values: Array, fields: Sequence[str]) -> Any:
     """Write values (l,) into these fields; without fields into a JointState that has the names. Returns the message."""
     if not fields:
         return fill_named(message, values)
@@ -30,7 +29,7 @@ def fill_fields(message: Any, values: Vector, fields: Sequence[str]) -> Any:
     return message
 
 
-def read_fields(message: Any, fields: Sequence[str], names: Sequence[str] = ()) -> Vector:
+def read_fields(message: Any, fields: Sequence[str], names: Sequence[str] = ()) -> Array:
     """The values (l,) of these fields, or by name of a JointState."""
     if not fields:
         return read_named(message, names)

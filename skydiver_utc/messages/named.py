@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.messages.errors import MessageError, refuse_non_finite
 
-Vector = NDArray[np.float64]
 
-
-def fill_named(message: Any, values: Vector) -> Any:
+def fill_named(message: Any, values: Array) -> Any:
     """Write values (n,) in the order of the names that the message has already; returns the message.
 
     rclpy sends other than Python or C doubles as garbage without an error, hence the array.
@@ -24,7 +22,7 @@ def fill_named(message: Any, values: Vector) -> Any:
     return message
 
 
-def read_named(message: Any, names: Sequence[str], finite: bool = True) -> Vector:
+def read_named(message: Any, names: Sequence[str], finite: bool = True) -> Array:
     """Values (n,) in the order of `names`, which the message names once each, in any order; finite unless allowed."""
     given, values = list(message.name), np.array(message.position, dtype=np.float64)
     if len(values) != len(given):

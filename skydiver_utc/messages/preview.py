@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.messages.errors import MessageError, refuse_non_finite
 from skydiver_utc.messages.grid import StepGrid
 from skydiver_utc.parameters.nanoseconds import NANOSECONDS, stamp_ns
 
-Array = NDArray[np.float64]
 _KEPT = 8  # previews; each is longer than what one decision takes
 
 

@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.messages.errors import MessageError, refuse_non_finite
 from skydiver_utc.messages.named import fill_named, read_named
-
-Vector = NDArray[np.float64]
 
 # position [m], quaternion x y z w (body to world), velocity [m/s] and rates [rad/s] in body axes
 _NAMES = ("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "wx", "wy", "wz")
@@ -20,17 +18,17 @@ _NAMES = ("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "wx", "wy", "
 _ROUNDING, _LARGEST_ERROR = 1e-6, 1e-3
 
 
-def fill_state(message: Any, state: Vector) -> Any:
+def fill_state(message: Any, state: Array) -> Any:
     """Write a state (n,); a JointState has the names already. Returns the message."""
     return fill_odometry(message, state) if hasattr(message, "pose") else fill_named(message, state)
 
 
-def read_state(message: Any, names: Sequence[str], frames: tuple[str, str] | None = None) -> Vector:
+def read_state(message: Any, names: Sequence[str], frames: tuple[str, str] | None = None) -> Array:
     """The state (n,), of a JointState in the order of the names; an Odometry must be in these frames, if given."""
     return read_odometry(message, frames) if hasattr(message, "pose") else read_named(message, names)
 
 
-def fill_odometry(message: Any, state: Vector) -> Any:
+def fill_odometry(message: Any, state: Array) -> Any:
     """Write a state (13,); returns the message."""
     pose, twist = message.pose.pose, message.twist.twist
     linear, angular = twist.linear, twist.angular
@@ -40,7 +38,7 @@ def fill_odometry(message: Any, state: Vector) -> Any:
     return message
 
 
-def read_odometry(message: Any, frames: tuple[str, str] | None = None) -> Vector:
+def read_odometry(message: Any, frames: tuple[str, str] | None = None) -> Array:
     """The state (13,); the message must be in these frames (world, body) where they are given."""
     found = (message.header.frame_id, message.child_frame_id)
     if frames is not None and found != frames:
@@ -57,6 +55,6 @@ def read_odometry(message: Any, frames: tuple[str, str] | None = None) -> Vector
     return state
 
 
-def fill_pose(position: Any, quaternion: Any, pose: NDArray[np.float64]) -> None:
+def fill_pose(position: Any, quaternion: Any, pose: Array) -> None:
     """Write a pose (7,) into a Point or Vector3 and a Quaternion."""
     position.x, position.y, position.z, quaternion.x, quaternion.y, quaternion.z, quaternion.w = pose.tolist()

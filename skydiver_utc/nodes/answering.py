@@ -4,11 +4,10 @@
 import time
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.loop.tuned_scenario import TunedScenario
 from skydiver_utc.messages import MessageError, change_text
 from skydiver_utc.nodes import topics
@@ -16,7 +15,6 @@ from skydiver_utc.nodes.diagnostics import Rate
 from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.parameters import ParameterError
 
-Vector = NDArray[np.float64]
 _PATIENCE_S = 5.0
 
 
@@ -35,7 +33,7 @@ class AnsweringNode(ScenarioNode):
         self.inputs: list[Subscription] = []
         self.tuned = TunedScenario(self.scenario, getattr(self.settings, "delay_steps", 0))
         self.is_first, self._began_at = True, 0  # true until the first answer; the step of that answer
-        self.began_from: Vector | None = None  # the applied command that it begins from
+        self.began_from: Array | None = None  # the applied command that it begins from
         self._changes = self.advertise(topics.CHANGES)
         self.subscribe(topics.SCENARIO, self.on_scenario)
 

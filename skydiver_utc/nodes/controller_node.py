@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.protocol import Controller, Status
 from skydiver_utc.estimators.true_state import TrueState
 from skydiver_utc.loop.build import (
@@ -28,8 +28,6 @@ from skydiver_utc.nodes.controller_topics import ControllerTopics
 from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.parameters.nanoseconds import stamp_ns
-
-Vector = NDArray[np.float64]
 
 _WARNINGS = {
     Status.KEPT_PREVIOUS: "the last decision was not finite: kept the control before",
@@ -59,7 +57,7 @@ class ControllerNode(AnsweringNode):
         self._status, self._slowest_s = Status.SOLVED, 0.0
         self._applieds: Subscription | None = None  # until the first decision
         self._coming: Controller | None = None  # in force from the next decision on
-        self._applied: Vector | None = None  # the newest applied command
+        self._applied: Array | None = None  # the newest applied command
         self.get_logger().info("building")
         true_plant = build_true_plant(self.scenario)
         self._plant = model_beside(true_plant, self.scenario)
@@ -159,7 +157,7 @@ class ControllerNode(AnsweringNode):
         """Steps of the reference for the next decision."""
         return (self._coming or self._decider.controller).preview_steps + 1
 
-    def _begin(self, control: Vector | None) -> None:
+    def _begin(self, control: Array | None) -> None:
         """Let the controller begin, from an applied command or as at the start of a run."""
         self.is_first, self.began_from = True, control
         self._applied = None
@@ -199,7 +197,7 @@ class ControllerNode(AnsweringNode):
             self.destroy_subscription(self._applieds)
             self._applieds = None
 
-    def _decide(self, k: int, state: Vector, preview: Vector, stamp: Any) -> None:
+    def _decide(self, k: int, state: Array, preview: Array, stamp: Any) -> None:
         decision = self._decider.decide(k, state, preview)
         self._command = np.array(decision.control, dtype=np.float64)
         self._out.publish_command(stamp, self._command)

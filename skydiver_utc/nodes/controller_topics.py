@@ -5,17 +5,15 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.protocol import Decision
 from skydiver_utc.messages import TWIST_COMPONENTS, fill_fields, fill_named
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.parameters import ParameterError
-
-Vector = NDArray[np.float64]
 
 
 class ControllerTopics:
@@ -41,7 +39,7 @@ class ControllerTopics:
             self._command_message.name = list(control_names)
         self._telemetry_message = JointState()
 
-    def publish_command(self, stamp: Any, command: Vector) -> None:
+    def publish_command(self, stamp: Any, command: Array) -> None:
         """The control (m,), in the message that the plant takes."""
         message = self._command_message
         match self._settings.command_message:

@@ -6,9 +6,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.subscription import Subscription
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.estimators.consistency import JUDGEMENT, VERDICTS, Consistency, consistency
 from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.estimators.sensor_models import SensorOfPlant
@@ -28,7 +28,6 @@ from skydiver_utc.nodes.lifecycle import NotNeededError
 from skydiver_utc.nodes.plant_topics import StampedTopic, state_topic
 from skydiver_utc.rotations import turn_into_body
 
-Vector = NDArray[np.float64]
 _RECENT = 200  # measurements of each sensor, by which the estimate is judged
 
 
@@ -58,7 +57,7 @@ class EstimatorNode(AnsweringNode):
         self._sensors = build_sensors(self.scenario, self._plant)
         self._models = self._sensors.models if self._sensors else []
         self._readings: dict[tuple[int, int], Reading] = {}  # not used yet, by sensor and step
-        self._recent = [deque[Vector](maxlen=_RECENT) for _ in self._models]  # innovations
+        self._recent = [deque[Array](maxlen=_RECENT) for _ in self._models]  # innovations
         consistency(np.ones((_RECENT, 1)))  # imports SciPy before the run
         self._out = state_topic(self, topics.ESTIMATE, self._plant)
         judged = (f"{name}_{sensor.name}" for sensor in self._models for name in JUDGEMENT)
@@ -179,7 +178,7 @@ class EstimatorNode(AnsweringNode):
         found = [self._readings[key] for key in self._due if key in self._readings]
         return found if len(found) == len(self._due) else None
 
-    def _publish(self, k: int, estimate: Vector) -> None:
+    def _publish(self, k: int, estimate: Array) -> None:
         estimator = self._estimation.estimator
         if estimator.covariance is not None and self._plant.state_message == "odometry":
             _fill_covariance(self._out.message, estimate, estimator.covariance)
@@ -203,7 +202,7 @@ class EstimatorNode(AnsweringNode):
         return [c.mean, c.low, c.high, float(VERDICTS.index(c.verdict))]
 
 
-def _fill_covariance(message: Any, state: Vector, P: Vector) -> None:
+def _fill_covariance(message: Any, state: Array, P: Array) -> None:
     """Write the covariance (e, e) of an error into an Odometry: pose in axes of the world, twist in body axes."""
     J = np.eye(6)
     for axis, row in zip(np.eye(3), J[3:, 3:], strict=True):

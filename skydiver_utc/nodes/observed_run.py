@@ -12,7 +12,6 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
-from numpy.typing import NDArray
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -23,6 +22,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.loop.build import build_reference, build_true_plant
 from skydiver_utc.loop.tuned_scenario import plain
 from skydiver_utc.messages import MessageError, StepGrid, fill_named, read_named, read_state
@@ -31,7 +31,6 @@ from skydiver_utc.nodes import topics
 from skydiver_utc.parameters import ParameterError, Scenario, from_yaml, leaves
 from skydiver_utc.plants.protocol import Plant
 
-Array = NDArray[np.float64]
 _POLL_S = 0.05
 _DISCOVERY_S = 2.0  # how long a controller's services are looked for
 _ANSWER_S = 10.0  # another controller may have to be compiled

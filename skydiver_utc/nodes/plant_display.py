@@ -5,17 +5,15 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point, TransformStamped
-from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.messages import fill_named, fill_pose
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.plants.protocol import FORCE_M_PER_N, Plant
-
-Vector = NDArray[np.float64]
 
 _RATE_HZ = 25.0
 _LINE_WIDTH_M = 0.012  # of a force's line
@@ -51,7 +49,7 @@ class PlantDisplay:
         if description:
             node.advertise(topics.ROBOT_DESCRIPTION).publish(String(data=description))
 
-    def publish(self, k: int, state: Vector, applied: Vector) -> None:
+    def publish(self, k: int, state: Array, applied: Array) -> None:
         """State (n,) at step k, with what the actuators hold then (a,)."""
         if k % self._every:
             return
@@ -66,7 +64,7 @@ class PlantDisplay:
             for message in transforms if alone else [kind(transforms=transforms)]:
                 frames.publish(message)
 
-    def _placed(self, k: int, state: Vector, applied: Vector) -> list[Any]:
+    def _placed(self, k: int, state: Array, applied: Array) -> list[Any]:
         for message in self._transforms:
             of_body = message.child_frame_id == "body"
             pose = state[:7] if of_body else self._plant.robot_pose(state, applied)
@@ -74,7 +72,7 @@ class PlantDisplay:
             fill_pose(message.transform.translation, message.transform.rotation, pose)
         return self._transforms
 
-    def _marked(self, k: int, state: Vector, applied: Vector) -> list[Any]:
+    def _marked(self, k: int, state: Array, applied: Array) -> list[Any]:
         poses, forces = self._plant.shape_poses(state, applied), self._plant.shape_forces(state, applied)
         for marker, pose in zip(self._shapes, poses, strict=True):
             fill_pose(marker.pose.position, marker.pose.orientation, pose)

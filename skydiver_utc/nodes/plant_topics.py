@@ -6,10 +6,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from rosgraph_msgs.msg import Clock
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.disturbances.composed import Composed
 from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.estimators.sensor_models import SensorOfPlant
@@ -18,8 +17,6 @@ from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.nodes.topics import Topic
 from skydiver_utc.plants.protocol import Plant
-
-Vector = NDArray[np.float64]
 
 
 class StampedTopic:
@@ -31,7 +28,7 @@ class StampedTopic:
         topic: Topic,
         names: Sequence[str],
         frame: str = "",
-        fill: Callable[[Any, Vector], Any] = fill_named,
+        fill: Callable[[Any, Array], Any] = fill_named,
     ) -> None:
         self.publisher, self.message = node.advertise(topic), topic.type()
         self._node, self._fill = node, fill
@@ -41,7 +38,7 @@ class StampedTopic:
         if hasattr(self.message, "child_frame_id"):
             self.message.child_frame_id = "body"
 
-    def publish(self, k: int, values: Vector) -> None:
+    def publish(self, k: int, values: Array) -> None:
         """Publish values (n,) of step k."""
         self._node.grid.set_stamp(self.message.header.stamp, k)
         self.publisher.publish(self._fill(self.message, values))
@@ -84,7 +81,7 @@ class PlantTopics:
         self._sensors = [_of_sensor(node, sensor) for sensor in sensors]
         self.given = self._sensors[-1].publisher if sensors else self.state
 
-    def publish_state(self, k: int, state: Vector) -> None:
+    def publish_state(self, k: int, state: Array) -> None:
         """State first: the controller works while the clock is sent."""
         self._state.publish(k, state)
         self._grid.set_stamp(self._clock_message.clock, k)

@@ -7,12 +7,11 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import bound, interpreted, is_jitted, keep
 from skydiver_utc.plants.protocol import LEFT_ITS_DOMAIN, MISTAKES, Model, Plant, one_line
-
-Array = NDArray[np.float64]
 
 _FORM = "plant must be a function (state, control, dt) -> state, or (state, control, dt, out)"
 

@@ -6,12 +6,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import bound, inlined, is_jitted, kernel
 from skydiver_utc.plants.function import writes_its_result
-
-Array = NDArray[np.float64]
 
 
 @inlined

@@ -4,16 +4,14 @@
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import model_validator
 from typing_extensions import Self
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import inlined
 from skydiver_utc.parameters.fields import SlotSettings, text
 from skydiver_utc.parameters.linear_plant import LinearSettings
 from skydiver_utc.plants.protocol import Model, Plant
-
-Array = NDArray[np.float64]
 
 
 class LinearModel(NamedTuple):

@@ -8,11 +8,10 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numba.core.errors import NumbaError
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import by_address, for_rows, in_memory, is_jitted
 
-Array = NDArray[np.float64]
 # step(state (n,), control (m,), parameters, out (n,)) writes the state one step later; out may be the state.
 Step = Callable[[Array, Array, Any, Array], None]
 # outputs(state (n,), parameters, out (L,)) writes all outputs of the plant.

@@ -4,15 +4,13 @@
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import SerializeAsAny, field_validator
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.parameters.conversion import slot_settings
 from skydiver_utc.parameters.fields import SlotSettings, text
 from skydiver_utc.parameters.registry import factory
 from skydiver_utc.references.protocol import Reference
-
-Array = NDArray[np.float64]
 
 
 class Combined:

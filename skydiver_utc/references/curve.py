@@ -7,11 +7,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.parameters.fields import SlotSettings
 
-Array = NDArray[np.float64]
 # Fewer steps would not show a period's rise and fall.
 _STEPS_OF_A_PERIOD = 10
 

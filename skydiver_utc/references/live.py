@@ -4,13 +4,12 @@
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from typing_extensions import Self
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.parameters.fields import SlotSettings, text
 
-Array = NDArray[np.float64]
 Component = Literal["linear.x", "linear.y", "linear.z", "angular.x", "angular.y", "angular.z"]
 Values = dict[str, float]
 

@@ -14,8 +14,9 @@ import numpy as np
 from pydantic import Field, model_validator
 from typing_extensions import Self
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.parameters.fields import quantity, text
-from skydiver_utc.references.curve import Array, Curve, CurveSettings
+from skydiver_utc.references.curve import Curve, CurveSettings
 
 # Times are whole nanoseconds; products such as k * dt_s miss them by rounding.
 _DIGITS = 9

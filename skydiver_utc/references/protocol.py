@@ -3,10 +3,7 @@
 
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from skydiver_utc.arrays import Array
 
 
 class Reference(Protocol):

@@ -12,10 +12,9 @@ is kept, and with it the ball of R sqrt(p_max / p_min). From rest, the sum of |Z
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
-Array = NDArray[np.float64]
+from skydiver_utc.arrays import Array
 
 _MOST_TERMS = 1_000_000
 

@@ -4,12 +4,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.plants.linear import LinearModel
-
-Array = NDArray[np.float64]
 
 _DIVERGED = 1e60  # its fourth power, which the steady gain takes, is still a number
 

@@ -16,13 +16,11 @@ loop F - G L lets z'X z fall where the right side is positive. For one step L = 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.plants.linear import LinearModel
 from skydiver_utc.theory.linear_plant import to_the_horizon
 from skydiver_utc.theory.steady_gain import gain
-
-Array = NDArray[np.float64]
 
 
 class Riccati(NamedTuple):

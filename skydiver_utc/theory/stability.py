@@ -6,13 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.plants.linear import LinearModel
 from skydiver_utc.theory.bound import Ball, ball
 from skydiver_utc.theory.linear_plant import to_the_horizon
 from skydiver_utc.theory.riccati import Riccati, output_riccati
 from skydiver_utc.theory.steady_gain import SteadyGain, steady_gain
-
-Array = NDArray[np.float64]
 
 
 class Stability(NamedTuple):

@@ -11,9 +11,8 @@ not see grows by the Schur complement of Qu each step, and the gain settles all 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from skydiver_utc.arrays import Array
 
 
 class SteadyGain(NamedTuple):
