@@ -23,9 +23,9 @@ from skydiver_utc.messages import (
     MessageError,
     read_fields,
     read_named,
-    read_odometry,
     read_outcome,
     read_preview,
+    read_state,
     run_id_of,
 )
 from skydiver_utc.parameters import ParameterError, Scenario, from_yaml, leaves, override
@@ -188,8 +188,7 @@ class RecordedRun:
         return readings[run.first_step :]
 
     def _state(self, message: Any) -> Array:
-        odometry = self.plant.state_message == "odometry"
-        return read_odometry(message) if odometry else read_named(message, self.plant.state_names)
+        return read_state(message, self.plant.state_names)
 
     def _controls(self, name: str) -> Rows:
         names = self.plant.control_names

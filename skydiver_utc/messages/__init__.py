@@ -10,7 +10,7 @@ from skydiver_utc.messages.fields import TWIST_COMPONENTS, fill_fields, read_fie
 from skydiver_utc.messages.grid import StepGrid
 from skydiver_utc.messages.named import fill_named, read_named
 from skydiver_utc.messages.preview import PreviewStore, fill_preview, read_preview
-from skydiver_utc.messages.state import fill_odometry, fill_pose, fill_state, read_odometry, read_state
+from skydiver_utc.messages.state import fill_pose, fill_state, read_state
 from skydiver_utc.messages.texts import (
     change_text,
     outcome_text,
@@ -28,14 +28,12 @@ __all__ = [
     "change_text",
     "fill_fields",
     "fill_named",
-    "fill_odometry",
     "fill_pose",
     "fill_preview",
     "fill_state",
     "outcome_text",
     "read_fields",
     "read_named",
-    "read_odometry",
     "read_outcome",
     "read_preview",
     "read_state",

@@ -20,16 +20,8 @@ _ROUNDING, _LARGEST_ERROR = 1e-6, 1e-3
 
 def fill_state(message: Any, state: Array) -> Any:
     """Write a state (n,); a JointState has the names already. Returns the message."""
-    return fill_odometry(message, state) if hasattr(message, "pose") else fill_named(message, state)
-
-
-def read_state(message: Any, names: Sequence[str], frames: tuple[str, str] | None = None) -> Array:
-    """The state (n,), of a JointState in the order of the names; an Odometry must be in these frames, if given."""
-    return read_odometry(message, frames) if hasattr(message, "pose") else read_named(message, names)
-
-
-def fill_odometry(message: Any, state: Array) -> Any:
-    """Write a state (13,); returns the message."""
+    if not hasattr(message, "pose"):
+        return fill_named(message, state)
     pose, twist = message.pose.pose, message.twist.twist
     linear, angular = twist.linear, twist.angular
     fill_pose(pose.position, pose.orientation, state[:7])
@@ -38,8 +30,13 @@ def fill_odometry(message: Any, state: Array) -> Any:
     return message
 
 
-def read_odometry(message: Any, frames: tuple[str, str] | None = None) -> Array:
-    """The state (13,); the message must be in these frames (world, body) where they are given."""
+def read_state(message: Any, names: Sequence[str] = (), frames: tuple[str, str] | None = None) -> Array:
+    """The state (n,), of a JointState in the order of the names; an Odometry must be in these frames, if given.
+
+    `frames`: world, body.
+    """
+    if not hasattr(message, "pose"):
+        return read_named(message, names)
     found = (message.header.frame_id, message.child_frame_id)
     if frames is not None and found != frames:
         raise MessageError("frame", f"its frames are {found}: they must be {frames}")

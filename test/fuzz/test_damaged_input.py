@@ -32,9 +32,9 @@ from skydiver_utc.messages import (
     StepGrid,
     outcome_text,
     read_named,
-    read_odometry,
     read_outcome,
     read_preview,
+    read_state,
 )
 from skydiver_utc.parameters import ParameterError, from_yaml, leaves, load_scenario, to_yaml
 from skydiver_utc.recording.joint_angles import read_joint_angles
@@ -178,7 +178,7 @@ def test_recordings(scratch: Path, data: bytes) -> None:
 GRID = StepGrid(RUN.scenario.stamp_ns(0), RUN.scenario.dt_ns)
 READERS: dict[str, Callable[[Any], Any]] = {
     "sensor_msgs/msg/JointState": lambda message: read_named(message, ["place", "speed"]),
-    "nav_msgs/msg/Odometry": read_odometry,
+    "nav_msgs/msg/Odometry": read_state,
     "trajectory_msgs/msg/JointTrajectory": lambda message: read_preview(message, GRID, ["place"])[1],
 }
 SENT = {

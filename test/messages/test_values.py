@@ -15,10 +15,10 @@ from skydiver_utc.messages import (
     Refusals,
     fill_fields,
     fill_named,
-    fill_odometry,
+    fill_state,
     read_fields,
     read_named,
-    read_odometry,
+    read_state,
 )
 
 NAMES = ("a", "b", "c")
@@ -61,7 +61,7 @@ def test_values_that_cannot_be_used_are_refused(
 
 
 def test_a_state_comes_back_bit_for_bit() -> None:
-    assert read_odometry(fill_odometry(odometry(), STATE), ("world", "body")).tobytes() == STATE.tobytes()
+    assert read_state(fill_state(odometry(), STATE), (), ("world", "body")).tobytes() == STATE.tobytes()
 
 
 @pytest.mark.parametrize(("error", "normalised"), [(1e-9, False), (9e-4, True)])
@@ -70,7 +70,7 @@ def test_a_rounded_quaternion_is_normalised_and_an_integrated_one_is_kept(
 ) -> None:
     state = STATE.copy()
     state[3:7] *= 1.0 + error
-    found = read_odometry(fill_odometry(odometry(), state))
+    found = read_state(fill_state(odometry(), state))
     assert (found.tobytes() == state.tobytes()) is not normalised
     if normalised:
         np.testing.assert_allclose(found, STATE, rtol=1e-12)
@@ -86,17 +86,17 @@ def test_a_rounded_quaternion_is_normalised_and_an_integrated_one_is_kept(
     ],
 )
 def test_a_state_that_cannot_be_used_is_refused(kind: str, place: str, value: object) -> None:
-    message = fill_odometry(odometry(), STATE)
+    message = fill_state(odometry(), STATE)
     put(message, place, value)
     with pytest.raises(MessageError) as refused:
-        read_odometry(message, ("world", "body"))
+        read_state(message, (), ("world", "body"))
     assert refused.value.kind == kind
 
 
 def test_the_frames_are_those_that_are_asked_for() -> None:
-    message = fill_odometry(odometry("map", "base_link"), STATE)
-    assert read_odometry(message, ("map", "base_link")).tobytes() == STATE.tobytes()
-    assert read_odometry(message).tobytes() == STATE.tobytes()
+    message = fill_state(odometry("map", "base_link"), STATE)
+    assert read_state(message, (), ("map", "base_link")).tobytes() == STATE.tobytes()
+    assert read_state(message).tobytes() == STATE.tobytes()
 
 
 def test_a_twist_holds_each_value_in_its_component() -> None:

@@ -11,7 +11,7 @@ from ros_fixtures import Processes, Ros, spinning
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from skydiver_utc.messages import StepGrid, fill_odometry
+from skydiver_utc.messages import StepGrid, fill_state
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.observed_run import ObservedRun
 from skydiver_utc.parameters import ParameterError, load_scenario, to_yaml
@@ -37,7 +37,7 @@ def test_the_newest_messages_are_shown_once_the_plant_counts_steps(ros: Ros) -> 
         for text in (str(step), "soon"):
             status = DiagnosticStatus(name="skydiver/plant", values=[KeyValue(key="step", value=text)])
             plant.publisher(topics.DIAGNOSTICS).publish(DiagnosticArray(status=[status]))
-        state = fill_odometry(topics.STATE.type(), np.array([0, 0, 9, 0, 0, 0, 1, 0, 0, -50, 0, 0, 2.0]))
+        state = fill_state(topics.STATE.type(), np.array([0, 0, 9, 0, 0, 0, 1, 0, 0, -50, 0, 0, 2.0]))
         StepGrid(scenario.stamp_ns(0), scenario.dt_ns).set_stamp(state.header.stamp, K)
         states.publish(state)
         controls.publish(JointState(name=names, position=[1.0, 2.0, 3.0, 0.5]))
