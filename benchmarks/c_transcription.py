@@ -91,8 +91,6 @@ def _declared(loaded: ctypes.CDLL) -> ctypes.CDLL:
     double, pointer = ctypes.c_double, ctypes.c_void_p
     loaded.utc_step.argtypes = [pointer] * 3 + [double, pointer] + [double] * 3 + [ctypes.c_long]
     loaded.utc_step.restype = None
-    loaded.propagate.argtypes = [pointer] * 4 + [ctypes.c_long, pointer]
-    loaded.propagate.restype = None
     return loaded
 
 
@@ -104,8 +102,8 @@ def address(array: Array) -> Address:
 class CUtc:
     """UTC of a scenario in C, with the coupling schedule of the package prepared beforehand.
 
-    `prepare(profile, steps)` lays out Qu and the reference of every step; `step` and `propagate` are one call of C
-    each, with addresses made beforehand (`address`).
+    `prepare(profile, steps)` lays out Qu and the reference of every step; `step` is one call of C, with
+    addresses made beforehand (`address`).
     """
 
     def __init__(self, loaded: ctypes.CDLL, scenario: Scenario) -> None:
@@ -151,12 +149,6 @@ class CUtc:
             plant, utc, state, self._references[k], self._Qu[k], p.P_err, p.W0, p.covariance_floor,
             p.horizon_steps,
         )  # fmt: skip
-
-    def propagate(self, state: Address, applied: Address, points: Address, rates: Address) -> None:
-        """Write the yaw rates (9,) at the horizon, from a state (13,) and a control (4,) under points (9, 4)."""
-        self._library.propagate(
-            self._addresses[0], state, applied, points, self._parameters.horizon_steps, rates
-        )
 
     @property
     def control(self) -> Array:

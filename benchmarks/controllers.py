@@ -8,11 +8,6 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from c_transcription import CUtc, address
 
-from skydiver_utc.controllers.horizon import Horizon
-from skydiver_utc.controllers.limits import limits_of
-from skydiver_utc.controllers.roll_out import RollOut
-from skydiver_utc.controllers.settings import GaussNewtonSettings
-from skydiver_utc.controllers.utc.settings import UtcSettings
 from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.run import Run
@@ -93,47 +88,6 @@ def largest_difference(loaded: ctypes.CDLL, flight: Run) -> float:
         ):
             largest = max(largest, float(np.abs(ours - theirs).max()))
     return largest
-
-
-def roll_outs(loaded: ctypes.CDLL, scenario: Scenario) -> dict[str, Callable[[], float]]:
-    """Roll-outs from the middle of a flight, under controls drawn at random inside the bounds [s].
-
-    The nine of UTC by the package and by C, and those that a Gauss-Newton step over one held control needs.
-    """
-    flight, utc = simulate(scenario), CUtc(loaded, scenario)
-    plant, parameters = flight.plant, scenario.controller
-    assert isinstance(parameters, UtcSettings)
-    steps, middle = parameters.steps[-1], len(flight.commands) // 2
-    state, applied = flight.states[middle], flight.commands[middle]
-    share = np.random.default_rng(1).random((9, 4))
-    names, limits = plant.output_names, limits_of(plant)
-    package = RollOut(plant.model, len(names), (steps,), (names.index("yaw_rate"),), limits, (9, 4))
-    package.points[:] = plant.minimum + share * (plant.maximum - plant.minimum)
-    rates = np.empty(9)
-    addresses = [address(array) for array in (state, applied, package.points, rates)]
-    package(state, applied, flight.reference)
-    utc.propagate(*addresses)
-    _check(float(np.abs(package.outputs[:, 0] - rates).max()))
-
-    settings = GaussNewtonSettings(horizon_steps=steps, blocks=1, step_periods=1)
-    held = Horizon(settings, plant, ("yaw_rate",), 5)
-    held.sequences[:] = package.points[:5, np.newaxis]
-    return {
-        "package": _timed(package, state, applied, flight.reference),
-        "C": _timed(utc.propagate, *addresses),
-        "package, the five of a held Gauss-Newton step": _timed(
-            held.outputs, state, applied, flight.reference
-        ),
-    }
-
-
-def _timed(call: Callable[..., None], *arguments: object) -> Callable[[], float]:
-    def once() -> float:
-        begin = time.process_time()
-        call(*arguments)
-        return time.process_time() - begin
-
-    return once
 
 
 def _check(difference: float) -> None:

@@ -18,7 +18,6 @@ from flights import BAG, SCENARIO, bare, fly
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 from timing import machine
 
 from skydiver_utc.loop.build import build_controller, build_plant, build_reference
@@ -116,42 +115,18 @@ def compare(bare_turns: list[Turn], our_turns: list[Turn], dt_s: float) -> dict[
     }
 
 
-def show(found: dict[str, Any], where: dict[str, str]) -> None:
-    """The figures on the screen."""
-    table = Table(title=", ".join(f"{name} {value}" for name, value in where.items()))
-    for heading in ("four processes", "step: median [ms]", "p99 [ms]", "steps per second"):
-        table.add_column(heading, justify="left" if heading == "four processes" else "right")
-    for name, label in (("bare", "bare rclpy loop"), ("ours", "our nodes, recorder on")):
-        row = found[name]
-        table.add_row(label, *(f"{row[key]:.3g}" for key in ("step_ms", "step_ms_p99", "rate_Hz")))
-    Console().print(table)
-    turns = ", ".join(f"{ratio:.3g}" for ratio in found["ratio_of_each_turn"])
-    click.echo(
-        f"solve time {found['solve_ms']:.3g} ms: a step of at most {_FACTOR:g} x {found['bare']['step_ms']:.3g} +"
-        f" {found['solve_ms']:.3g} = {found['allowed_step_ms']:.3g} ms is asked for:"
-        f" {'met' if found['step_within_bar'] else 'missed'}"
-    )
-    click.echo(f"(step - solve) / bare = {found['ratio']:.3g}; turn by turn {turns}")
-    faster = "faster" if found["faster_than_real_time"] else "slower"
-    click.echo(f"{found['real_time_factor']:.3g} times real time: {faster} than the clock")
-
-
 @click.command(help=__doc__)
 @click.option("--turns", default=3, show_default=True, help="How often each loop runs.")
 @click.option("--duration-s", default=20.0, show_default=True, help="Simulated seconds of each turn.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def main(turns: int, duration_s: float, as_json: bool) -> None:
-    """Let the two loops take turns."""
+def main(turns: int, duration_s: float) -> None:
+    """Let the two loops take turns; print one JSON object."""
     scenario = load_scenario(SCENARIO, {"duration_s": duration_s})
     bare_turns, our_turns = [], []
     for _ in track(range(turns), "flying", console=Console(stderr=True)):
         bare_turns.append(bare_turn(scenario))
         our_turns.append(our_turn(scenario))
-    found, where = compare(bare_turns, our_turns, scenario.dt_s), machine()
-    if as_json:
-        click.echo(json.dumps({"machine": where, **found}, indent=2))
-    else:
-        show(found, where)
+    found = {"machine": machine(), **compare(bare_turns, our_turns, scenario.dt_s)}
+    click.echo(json.dumps(found, indent=2))
 
 
 if __name__ == "__main__":

@@ -15,10 +15,9 @@ from importlib.util import find_spec
 import click
 import startup
 from c_transcription import compiler, library
-from controllers import FAST, c_step, decision, roll_outs, short
+from controllers import FAST, c_step, decision, short
 from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 from timing import Group, Row, Subject, machine
 
 from skydiver_utc.loop.build import build_plant
@@ -75,12 +74,6 @@ def control_steps(stack: ExitStack) -> Iterator[Group]:
             for label, (name, changes) in rivals.items()
         ]
         yield Group(f"one control step, N = {steps}", subjects, rounds=150)
-    if loaded is None:
-        return
-    for steps in (20, 1):
-        found = roll_outs(loaded, short(FAST, {"controller.horizon_steps": steps}))
-        rows = [Subject(label, once, batch=20) for label, once in found.items()]
-        yield Group(f"roll-out of nine sigma points, N = {steps}", rows, rounds=150)
 
 
 def chains() -> Iterator[Group]:
@@ -136,7 +129,7 @@ def measure() -> list[Row]:
 
 
 def markdown(rows: list[Row], where: dict[str, str]) -> str:
-    """The table as a section of Markdown."""
+    """The table of docs/benchmarks.md."""
     lines = [", ".join(f"{name} {value}" for name, value in where.items()) + ".", ""]
     lines += ["| | median | p99 or max | unit | ratio | repetitions |", "|---|---|---|---|---|---|"]
     group = ""
@@ -149,35 +142,15 @@ def markdown(rows: list[Row], where: dict[str, str]) -> str:
     return "\n".join(lines)
 
 
-def show(rows: list[Row], where: dict[str, str]) -> None:
-    """The table on the screen."""
-    table = Table(title=", ".join(f"{name} {value}" for name, value in where.items()))
-    table.add_column("")
-    for heading in ("median", "p99 or max", "unit", "ratio", "repetitions"):
-        table.add_column(heading, justify="left" if heading == "unit" else "right")
-    group = ""
-    for row in rows:
-        if row.group != group:
-            group = row.group
-            table.add_row(f"[bold]{group}[/bold]")
-        table.add_row(
-            f"  {row.name}", f"{row.median:g}", row.slow_end, row.unit, f"{row.ratio:g}", str(row.repetitions)
-        )
-    Console().print(table)
-
-
 @click.command(help=__doc__)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
-@click.option("--markdown", "as_markdown", is_flag=True, help="Print the table of docs/benchmarks.md.")
-def main(as_json: bool, as_markdown: bool) -> None:
+def main(as_json: bool) -> None:
     """Time the controllers, the skydiver and the start of the program on this machine."""
     rows, where = measure(), machine()
     if as_json:
         click.echo(json.dumps({"machine": where, "rows": [asdict(row) for row in rows]}, indent=2))
-    elif as_markdown:
-        click.echo(markdown(rows, where))
     else:
-        show(rows, where)
+        click.echo(markdown(rows, where))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a moved slider to the body on the page: ``python benchmarks/slider_to_motion.py [--json]``.
+"""From a moved slider to the body on the page: ``python benchmarks/slider_to_motion.py``.
 
 A slider of the live page is moved, as a browser's message does it, and the time taken to the first frame that was sent
 to the page and whose body has flown with the new value: the part of this process. What a browser adds is its own
@@ -68,19 +68,13 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=100)
-    parser.add_argument("--json", action="store_true")
-    given = parser.parse_args()
-    delays = measure(given.count)
+    delays = measure(parser.parse_args().count)
     delays["all"] = [delay for found in delays.values() for delay in found]
     rows = {
         name: {f"p{q}_ms": round(float(np.percentile(found, q)), 1) for q in (50, 95, 99)}
         for name, found in delays.items()
     }
-    if given.json:
-        print(json.dumps(rows, indent=2))
-        return
-    for name, row in rows.items():
-        print(f"{name:28s}" + "".join(f"{key[:-3]} {value:7.1f} ms   " for key, value in row.items()))
+    print(json.dumps(rows, indent=2))
 
 
 if __name__ == "__main__":

@@ -110,31 +110,15 @@ def described(flown: Fall) -> str:
     return f"falls at {flown.fall_rate:.1f} m/s, glides at {flown.glide:.1f} deg"
 
 
-def with_axial_areas(scenario: Scenario, axial: dict[str, float]) -> Scenario:
-    """The scenario with other axial drag areas [m2] for some kinds of segment."""
-    suit = scenario.plant.subject.suit
-    areas = {
-        kind: (front, side, axial.get(kind, old)) for kind, (front, side, old) in suit.drag_areas_m2.items()
-    }
-    subject = scenario.plant.subject.replace(suit=suit.replace(drag_areas_m2=areas))
-    return scenario.replace(plant=scenario.plant.replace(subject=subject))
-
-
 def variations() -> dict[str, Fall]:
     """What becomes of the track of the posture file when one thing is changed."""
     rig = load_scenario("bank_recovery", {"plant.subject.suit": "rig"})
-    formation = load_scenario("bank_recovery").plant.subject.suit.drag_areas_m2
     track = np.round(track_posture())
-    thorax, hips, knees = (np.eye(len(FREE))[FREE.index((joint, 0))] for joint in ("thorax", "hip", "knee"))
+    hips, knees = (np.eye(len(FREE))[FREE.index((joint, 0))] for joint in ("hip", "knee"))
     return {
         "as in its file": fall(rig, track),
         "hips 3 deg more bent": fall(rig, track + 3 * hips),
         "knees 3 deg less bent": fall(rig, track - 3 * knees),
-        "thorax 5 deg more bent": fall(rig, track + 5 * thorax),
-        "axial areas of suit formation": fall(
-            with_axial_areas(rig, {kind: areas[2] for kind, areas in formation.items()}), track
-        ),
-        "pelvis without axial area": fall(with_axial_areas(rig, {"lower_trunk": 0.0}), track),
     }
 
 
@@ -147,13 +131,10 @@ def main() -> None:
     low = [row for row, segment in enumerate(SEGMENTS) if segment.kind in ("shank", "foot")]
     for suit in SUITS:
         scenario = load_scenario("bank_recovery", {"plant.subject.suit": suit})
-        track, areas = placed(scenario, STRETCHED)
-        front = areas[:, 2, 2]
-        centre = front @ track.centre[:, 0] / front.sum()
+        front = placed(scenario, STRETCHED)[1][:, 2, 2]
         found, flown = slowest(scenario)
         print(
-            f"{suit}: stretched, centre of pressure broadside {-1e3 * centre:.0f} mm to the feet of the centre"
-            f" of mass, lower legs and feet {front[low].sum() / front.sum():.0%} of the area;"
+            f"{suit}: stretched, lower legs and feet {front[low].sum() / front.sum():.0%} of the area;"
             f" the slowest track {described(flown)}, knees {found[-1]:.0f} deg"
         )
 

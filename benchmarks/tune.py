@@ -7,11 +7,9 @@ The first flight has the starting values. Half of the rest are drawn at random, 
 FACTOR of its start; the other half are drawn around the best so far, log-normal with a spread that falls by the
 flight from a third of the way to FACTOR to a hundredth. Values are rounded to three digits and cut at the
 parameter's bounds before they are flown. The objective is the RMSE after 2 s in deg/s, with ROLLED_OVER added for a
-body that rolled over and DIVERGED in its place for a flight that did not end; with ``--turns all`` one setting
-flies every sine of ``references.py``, and it is the root mean square of those, each counted as LOST at most. Prints one
-line per setting that is better than all before, and the parameters by dotted name, to write into the scenario. The
-tool chains (extra `bench`) solve the program of `gauss_newton` and are tuned in its parameters; theirs go into
-tool_chains/tuned.yaml.
+body that rolled over and DIVERGED in its place for a flight that did not end. Prints one line per setting that is
+better than all before, and the parameters by dotted name, to write into the scenario. The tool chains (extra `bench`)
+solve the program of `gauss_newton` and are tuned in its parameters; theirs go into tool_chains/tuned.yaml.
 """
 
 import math
@@ -23,7 +21,6 @@ import click
 import numpy as np
 import tool_chains
 from random_search import random_search
-from references import AMPLITUDES, FREQUENCIES, sine
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.controllers.protocol import Controller
@@ -37,10 +34,8 @@ from skydiver_utc.references.protocol import Reference
 FACTOR = 30.0
 FLIGHTS = 64
 ROLLED_OVER, DIVERGED = 100.0, 1000.0
-LOST = 20.0
 TASK = "fast_turn_pose_only"
 
-Turn = dict[str, object]  # changes to a scenario by dotted name
 Values = dict[str, float | int]  # by dotted name below `controller`; HANDS stands for both hands
 
 HANDS = "hands"
@@ -104,17 +99,9 @@ _UTC = (
     *("coupling.k_right", "coupling.k_left", "coupling.alpha"),
     *("Qu_ratio", "P_err", "horizon_steps"),
 )
-_UNKNOWN, _PI, _BEYOND = "fast_turn_unknown_dynamics", "fast_turn_pi_dynamics", "fast_turn_beyond_the_paper"
-_OF_BEYOND = (
-    *_UTC,
-    "coupling.k_hyst_s",
-    "coupling.full_acceleration",
-    "nominal.Cm_damp_yaw.value",
-    "nominal.Cm_damp_yaw.variance",
-    "nominal.hands.variance",
-)
-# These must lie inside the limits of the control, and UTC's horizon inside its own.
-_DAMPINGS = ("nominal.Cm_damp_yaw", "nominal.Cm_damp_yaw.value")
+_UNKNOWN, _PI = "fast_turn_unknown_dynamics", "fast_turn_pi_dynamics"
+# This must lie inside the limits of the control, and UTC's horizon inside its own.
+_DAMPING = "nominal.Cm_damp_yaw"
 _HORIZON = (1.0, 500.0)
 _HELD = Subject("fast_turn_gauss_newton_held", _COSTS | {"step_periods": 1})
 _FIVE = Subject("fast_turn_gauss_newton", _COSTS | {"step_periods": 1})
@@ -130,41 +117,26 @@ SUBJECTS: dict[str, Subject] = {
     "mppi": Subject("fast_turn_mppi", _COSTS | {"step_periods": 1} | _SAMPLES),
     "utc_unknown_dynamics": Subject(_UNKNOWN, own(_UNKNOWN, *_UTC)),
     "utc_pi_dynamics": Subject(_PI, own(_PI, *_UTC, "dynamics.K_p", "dynamics.K_FF")),
-    "utc_beyond_the_paper": Subject(_BEYOND, own(_BEYOND, *_OF_BEYOND)),
 }
 
 
-TURNS: dict[str, list[Turn]] = {
-    "fast": [{}],
-    "all": [sine(amplitude, frequency) for amplitude in AMPLITUDES for frequency in FREQUENCIES],
-}
-
-
-def objective(subject: Subject, values: Values, turns: list[Turn]) -> float:
-    """What is to be small."""
-    errors = [error(subject, scenario_of(subject, values, turn)) for turn in turns]
-    if len(turns) == 1:
-        return errors[0]
-    return math.sqrt(sum(min(one, LOST) ** 2 for one in errors) / len(errors))
-
-
-def error(subject: Subject, scenario: Scenario) -> float:
-    """RMSE of one flight, and what is added for one that went wrong."""
+def objective(subject: Subject, scenario: Scenario) -> float:
+    """What is to be small: the RMSE of a flight, and what is added for one that went wrong."""
     flown = metrics(simulate(scenario, build=subject.build))
     if flown["outcome"] not in (Outcome.COMPLETED.value, Outcome.ROLLED_OVER.value):
         return DIVERGED
     return float(flown["rmse_deg_s"]) + ROLLED_OVER * (flown["outcome"] == Outcome.ROLLED_OVER.value)
 
 
-def scenario_of(subject: Subject, values: Values, turn: Turn) -> Scenario:
-    """The fast turn with this controller, or another turn."""
+def scenario_of(subject: Subject, values: Values, who: dict[str, object]) -> Scenario:
+    """The fast turn with this controller and skydiver."""
     changes = {f"controller.{name}": value for name, value in expanded(values).items()}
-    return load_scenario(subject.scenario, {**changes, **turn})
+    return load_scenario(subject.scenario, {**changes, **who})
 
 
 def limits_of(scenario: Scenario, name: str) -> tuple[float, float]:
     """Least and largest value of one of the controller's parameters."""
-    if name in _DAMPINGS:
+    if name == _DAMPING:
         low, high = scenario.plant.limits.Cm_damp_yaw
         return low, high
     wanted = next(iter(expanded({name: 0.0})))
@@ -182,7 +154,9 @@ def admitted(value: float, start: float | int, limits: tuple[float, float]) -> f
     return round(value) if isinstance(start, int) else value
 
 
-def search(subject: Subject, turns: list[Turn], flights: int, seed: int) -> Iterator[tuple[Values, float]]:
+def search(
+    subject: Subject, who: dict[str, object], flights: int, seed: int
+) -> Iterator[tuple[Values, float]]:
     """Flown parameters with their objectives."""
     scenario = scenario_of(subject, subject.start, {})
     bounds = {name: limits_of(scenario, name) for name in subject.start}
@@ -194,7 +168,7 @@ def search(subject: Subject, turns: list[Turn], flights: int, seed: int) -> Iter
         return {n: admitted(v, subject.start[n], bounds[n]) for n, v in pairs}
 
     def flown(point: np.ndarray) -> float:
-        return objective(subject, values(point), turns)
+        return objective(subject, scenario_of(subject, values(point), who))
 
     for point, result in random_search(flown, start, math.log(FACTOR), flights, seed):
         yield values(point), result
@@ -202,22 +176,19 @@ def search(subject: Subject, turns: list[Turn], flights: int, seed: int) -> Iter
 
 @click.command(help=__doc__)
 @click.argument("controller", type=click.Choice(list(SUBJECTS)))
-@click.option(
-    "--turns", default="fast", show_default=True, type=click.Choice(list(TURNS)), help="What is flown."
-)
 @click.option("--skydiver", help="Who is flown, as plant.skydiver.")
 @click.option("--flights", default=FLIGHTS, show_default=True, help="Flights in all.")
 @click.option("--seed", default=1, show_default=True, help="Seed of the search.")
-def main(controller: str, turns: str, skydiver: str | None, flights: int, seed: int) -> None:
+def main(controller: str, skydiver: str | None, flights: int, seed: int) -> None:
     subject, best, began = SUBJECTS[controller], math.inf, time.process_time()
-    chosen, who = subject.start, {} if skydiver is None else {"plant.skydiver": skydiver}
-    flown = [turn | who for turn in TURNS[turns]]
-    for flight, (values, result) in enumerate(search(subject, flown, flights, seed)):
+    chosen: Values = subject.start
+    who: dict[str, object] = {} if skydiver is None else {"plant.skydiver": skydiver}
+    for flight, (values, result) in enumerate(search(subject, who, flights, seed)):
         if result < best:
             best, chosen = result, values
             print(f"# flight {flight}: {result:.4g} deg/s", flush=True)
     of = f" --skydiver {skydiver}" if skydiver else ""
-    print(f"# python benchmarks/tune.py {controller} --turns {turns} --flights {flights} --seed {seed}{of}")
+    print(f"# python benchmarks/tune.py {controller} --flights {flights} --seed {seed}{of}")
     print(f"# objective {best:.4g} deg/s, {time.process_time() - began:.0f} s of CPU")
     print("controller:")
     for name, value in expanded(chosen).items():

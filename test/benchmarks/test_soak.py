@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from ros_domains import reserved_domain
-from soak_bars import bars
+from soak import bars
 
 pytestmark = pytest.mark.long
 
