@@ -5,7 +5,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,11 +24,10 @@ from skydiver_utc.parameters import Scenario, to_yaml
 SCENARIO = "fast_turn_unknown_dynamics"
 BAG = "bag"  # where a flight is recorded, in its folder
 _GRACE_S = 10.0  # for a bare node to end when it is found to
-Memory = list[tuple[float, dict[str, float]]]
 
 
-def fly(scenario: Scenario, mode: str, folder: Path) -> tuple[dict[str, Any], Memory]:
-    """One flight; what the plant reported last, and the memory of each node over time."""
+def fly(scenario: Scenario, mode: str, folder: Path) -> dict[str, Any]:
+    """One flight; what the plant reported last."""
     with NodeProcesses(node_environment(os.environ), folder) as nodes:
         resolved = folder / "scenario.yaml"
         resolved.write_text(to_yaml(scenario), encoding="utf-8")
@@ -38,31 +36,15 @@ def fly(scenario: Scenario, mode: str, folder: Path) -> tuple[dict[str, Any], Me
         nodes.start(CONTROLLER, common | {"mode": mode})
         nodes.start(REFERENCE, common)
         nodes.start(PLANT, common | {"mode": mode, "progress": True})
-        memory: Memory = []
         report: dict[str, Any] = {}
         while not nodes.ended(PLANT):
             for line in nodes.reports():
                 report = line
-            if report and (not memory or time.monotonic() - memory[-1][0] > 1.0):
-                memory.append((time.monotonic(), resident_mb(nodes.pids())))
         nodes.end()
         if "outcome" not in report:
             said = "".join(f"\n{kind}:{nodes.last_lines(kind)}" for kind in nodes.pids())
             raise RuntimeError(f"the flight has no outcome; the nodes said{said}")
-    return report, memory
-
-
-def resident_mb(pids: dict[str, int]) -> dict[str, float]:
-    """Resident memory of each process that still runs [MB]."""
-    sizes = {}
-    for kind, pid in pids.items():
-        try:
-            pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
-        except (OSError, IndexError):
-            continue
-        if pages:  # a process that has ended but was not waited for has none
-            sizes[kind] = pages * os.sysconf("SC_PAGESIZE") / 1e6
-    return sizes
+    return report
 
 
 def bare(leader: Sequence[str], others: Sequence[Sequence[str]]) -> Any:

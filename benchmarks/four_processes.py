@@ -54,7 +54,7 @@ def bare_turn(scenario: Scenario) -> Turn:
 def our_turn(scenario: Scenario) -> Turn:
     """Our nodes; the times of the steps and of the solver are those in the bag."""
     with tempfile.TemporaryDirectory(prefix="skydiver_utc_bench_") as folder:
-        found, _ = fly(scenario, "lockstep", Path(folder))
+        found = fly(scenario, "lockstep", Path(folder))
         if found["outcome"] != "completed":
             raise click.ClickException(f"the flight ended with {found['outcome']}: {found['reason']}")
         recorded = read_bag(Path(folder) / BAG, (_STATE, _TELEMETRY))

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import click
-from machines import ADDRESSES, Conditions, Machine, ping, two_machines, why_not
+from machines import ADDRESSES, Conditions, Machine, two_machines, why_not
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.analysis.recorded_run import read_run
@@ -206,14 +206,7 @@ def main(
     flown = load_scenario(scenario, {"duration_s": duration_s})
     steps, each = flown.steps, [Conditions(*link) for link in links] or CONDITIONS
     click.echo(f"{scenario}, {duration_s:g} s ({steps} steps), delay_steps {delay_steps} in real time\n")
-    click.echo("| link: delay each way, loss | round trip of a datagram | came back |\n|---|---|---|")
-    for conditions in each:
-        with two_machines(conditions) as (here, there):
-            reported = ping(here, there, 500)
-        least, median, most = (reported[f"round_trip_ms_{name}"] for name in ("min", "median", "max"))
-        back = f"{reported['came_back']} of {reported['sent']}"
-        click.echo(f"| {conditions} | {least} to {most}, median {median} ms | {back} |")
-    click.echo("\n| link | mode | outcome | steps/s | the flight |\n|---|---|---|---|---|")
+    click.echo("| link | mode | outcome | steps/s | the flight |\n|---|---|---|---|---|")
     for mode in modes:
         for conditions in each:
             delay = delay_steps if mode == "real_time" else 0

@@ -17,7 +17,7 @@ from typing import Any
 
 import click
 import yaml
-from flights import BAG, SCENARIO, Memory, bare, fly
+from flights import BAG, SCENARIO, bare, fly
 
 from skydiver_utc.parameters import Scenario, load_scenario
 from skydiver_utc.recording.reader import read_bag
@@ -32,22 +32,20 @@ EACH_STEP = {
     "/skydiver/applied_command": 1,
 }
 ANSWERS = ("/skydiver/command", "/skydiver/controller/telemetry")  # in real time a state may have none
-_WARM_UP_S = 60.0
+_WARM_UP = 60  # diagnostics, one a second
 DIAGNOSTICS = "/diagnostics"
 MOST_GROWTH_MB = 5.0  # of each node, after the first minute
 RATE_WITHIN = 1e-3
 
 
-def growth(memory: Memory) -> dict[str, float]:
+def growth(memory: Mapping[str, list[float]]) -> dict[str, float]:
     """The most by which each node grew after its first minute, of a short run after its first quarter [MB]."""
-    if len(memory) < 4:
-        return {}
-    began, ended = memory[0][0], memory[-1][0]
-    warm = began + min(_WARM_UP_S, (ended - began) / 4)
-    after = [sizes for at, sizes in memory if at >= warm]
-    return {
-        kind: round(max(sizes.get(kind, 0.0) for sizes in after) - size, 2) for kind, size in after[0].items()
-    }
+    found = {}
+    for node, sizes in memory.items():
+        if len(sizes) >= 4:
+            warm = sizes[min(_WARM_UP, len(sizes) // 4) :]
+            found[node] = round(max(warm) - warm[0], 2)
+    return found
 
 
 def missing(bag: Path, report: dict[str, Any], mode: str) -> dict[str, int]:
@@ -66,20 +64,21 @@ def missing(bag: Path, report: dict[str, Any], mode: str) -> dict[str, int]:
 def flight(scenario: Scenario, mode: str) -> dict[str, Any]:
     """A recorded flight: what the plant reported, what grew and what the bag lacks."""
     with tempfile.TemporaryDirectory(prefix="skydiver_utc_soak_") as folder:
-        found, memory = fly(scenario, mode, Path(folder))
+        found = fly(scenario, mode, Path(folder))
         lacks = missing(Path(folder) / BAG, found, mode)
-        cpu = cpu_percent(Path(folder) / BAG)
-    return {**found, "memory_growth_MB": growth(memory), "cpu_percent": cpu, "missing": lacks}
+        memory, cpu = (diagnosed(Path(folder) / BAG, key) for key in ("memory_MB", "cpu_percent"))
+    cpu_percent = {name: statistics.median(values) for name, values in cpu.items()}
+    return {**found, "memory_growth_MB": growth(memory), "cpu_percent": cpu_percent, "missing": lacks}
 
 
-def cpu_percent(bag: Path) -> dict[str, float]:
-    """What each node said of its share of a processor, once a second: the median."""
+def diagnosed(bag: Path, key: str) -> dict[str, list[float]]:
+    """A number that each node published of itself, once a second."""
     said: dict[str, list[float]] = {}
     for message in read_bag(bag, [DIAGNOSTICS])[DIAGNOSTICS].messages:
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
-            said.setdefault(status.name, []).append(float(values["cpu_percent"]))
-    return {name: statistics.median(values) for name, values in said.items()}
+            said.setdefault(status.name, []).append(float(values[key]))
+    return said
 
 
 def lockstep(simulated_s: float) -> dict[str, Any]:

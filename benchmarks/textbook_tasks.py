@@ -67,9 +67,9 @@ TASKS: dict[str, Pair] = {
 }
 
 
-def reference(plant: TextbookPlant, moves: Sequence[Move], steps: int, lead: bool = True) -> Array:
-    """What the outputs (steps, l) are to be: (T d/dt + 1)^p of the smooth moves, or without `lead` the moves."""
-    T = plant.model.parameters.lead if lead else 0.0
+def reference(plant: TextbookPlant, moves: Sequence[Move], steps: int) -> Array:
+    """What the outputs (steps, l) are to be: (T d/dt + 1)^p of the smooth moves."""
+    T = plant.model.parameters.lead
     k = np.arange(steps)[:, None]
     start = plant.outputs(plant.initial_state()[None])[0] * np.ones((steps, 1))
     total, before = start.copy(), np.zeros(start.shape[1])
