@@ -52,10 +52,9 @@ class ControllerNode(AnsweringNode):
     def build(self) -> None:
         """Build the controller, which compiles it."""
         super().build()
-        self.passed_over = 0  # steps in real time without an answer, as a newer state was there
         self._vehicle = self.settings.mode == "vehicle"
         self._qos = None if self.settings.mode == "lockstep" else topics.NEWEST
-        self._status, self._slowest_s = Status.SOLVED, 0.0
+        self._status = Status.SOLVED
         self._applieds: Subscription | None = None  # until the first decision
         self._coming: Controller | None = None  # in force from the next decision on
         self._applied: Array | None = None  # the newest applied command
@@ -113,13 +112,9 @@ class ControllerNode(AnsweringNode):
 
     def health(self) -> Health:
         """The newest answer, its rate, and what is missing."""
-        slowest_s, self._slowest_s = self._slowest_s, 0.0
         values = {
             "answered_step": self.answered,
             "answer_rate_Hz": self.rate.read(self.answered),
-            "last_status": str(self._status),
-            "slowest_solve_ms": f"{1e3 * slowest_s:.3f}",
-            "passed_over": self.passed_over,
             "reference": self._preview.covered(),
         }
         if missing := self.missing():
@@ -202,9 +197,7 @@ class ControllerNode(AnsweringNode):
         decision = self._decider.decide(k, state, preview)
         self._command = np.array(decision.control, dtype=np.float64)
         self._out.publish_command(stamp, self._command)
-        self.passed_over += max(0, k - self.answered - 1) if self.answered >= 0 else 0
         self.answered, self._status = k, decision.status
-        self._slowest_s = max(self._slowest_s, self._decider.solve_time_s)
         self._out.publish_telemetry(stamp, decision, self._decider.solve_time_s)
 
     def _waits_for_applied(self, k: int) -> bool:

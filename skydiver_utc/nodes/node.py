@@ -164,11 +164,9 @@ class ScenarioNode(ManagedNode):
             **health.values,
         }
         values |= {f"refused_{kind}": count for kind, count in sorted(self.refusals.counts.items())}
-        cpu_s = time.process_time()
         values |= {
             "last_refusal": self.refusals.last,
-            "cpu_percent": self._cpu_percent.read(100.0 * cpu_s),
-            "cpu_s": f"{cpu_s:.2f}",
+            "cpu_percent": self._cpu_percent.read(100.0 * time.process_time()),
             "memory_MB": f"{memory_mb():.1f}",
         }
         message = diagnostic_message(self._full_name, health._replace(values=values))

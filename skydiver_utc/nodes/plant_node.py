@@ -170,8 +170,6 @@ class PlantNode(ScenarioNode):
             "steps": self.scenario.steps,
             "step_rate_Hz": self._rate.read(self.k),
             "retransmitted": self.retransmitted,
-            "publishers_of_command": commanders,
-            "publishers_of_state": plants,
         }
         pace = self._pace if self._pace is not None and self._pace.begun else None
         if pace is not None:
