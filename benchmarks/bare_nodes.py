@@ -14,6 +14,15 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, NamedTuple
 
+import rclpy
+from nav_msgs.msg import Odometry
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from skydiver_utc.nodes import topics
+
 
 class Loop(NamedTuple):
     """What the four bare nodes need to know to send messages of the sizes of ours."""
@@ -30,16 +39,12 @@ class Loop(NamedTuple):
 
 def ping(duration_s: float, dt_s: float) -> None:
     """Send at each deadline, and count how many were late."""
-    import rclpy
-    from nav_msgs.msg import Odometry
-    from sensor_msgs.msg import JointState
-
     node = _node("ping")
     sent = 0
     message = Odometry()
     publisher = node.create_publisher(Odometry, "ping", 1000)
     subscription = node.create_subscription(JointState, "pong", lambda _: None, 1000)
-    executor = rclpy.executors.SingleThreadedExecutor()
+    executor = SingleThreadedExecutor()
     executor.add_node(node)
     while not (publisher.get_subscription_count() and subscription.get_publisher_count()):
         executor.spin_once(timeout_sec=0.05)
@@ -61,9 +66,6 @@ def ping(duration_s: float, dt_s: float) -> None:
 
 def pong() -> None:
     """Answer."""
-    from nav_msgs.msg import Odometry
-    from sensor_msgs.msg import JointState
-
     node = _node("pong")
     answer = JointState(name=["a", "b", "c", "d"], position=[0.0] * 4)
     publisher = node.create_publisher(JointState, "pong", 1000)
@@ -78,11 +80,6 @@ def pong() -> None:
 
 def plant(loop: Loop) -> None:
     """Send state and clock, and what was applied, whenever the command for the state sent last is there."""
-    from nav_msgs.msg import Odometry
-    from rosgraph_msgs.msg import Clock
-
-    from skydiver_utc.nodes import topics
-
     node = _node(topics.PLANT)
     state, clock = Odometry(), Clock()
     applied, joints = _joint_state(loop.control_names), _joint_state(loop.joint_names)
@@ -126,8 +123,6 @@ def plant(loop: Loop) -> None:
 
 def controller(loop: Loop) -> None:
     """Answer each state with a command and telemetry; receive the reference."""
-    from skydiver_utc.nodes import topics
-
     node = _node(topics.CONTROLLER)
     command, telemetry = _joint_state(loop.control_names), _joint_state(loop.telemetry_names)
     commands, telemetries = _publisher(node, topics.COMMAND), _publisher(node, topics.TELEMETRY)
@@ -144,11 +139,6 @@ def controller(loop: Loop) -> None:
 
 def reference(loop: Loop) -> None:
     """A setpoint for each clock message, a preview every so often."""
-    from sensor_msgs.msg import JointState
-    from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-
-    from skydiver_utc.nodes import topics
-
     node = _node(topics.REFERENCE)
     setpoint = JointState(name=["yaw_rate"], position=[0.0])
     points = [JointTrajectoryPoint(positions=[0.0]) for _ in range(loop.preview_points)]
@@ -171,8 +161,6 @@ def reference(loop: Loop) -> None:
 
 def recorder() -> None:
     """Take the bytes of every message of every topic, by callbacks."""
-    from skydiver_utc.nodes import topics
-
     node = _node(topics.RECORDER)
     for topic in topics.RECORDED:
         node.create_subscription(topic.type, topic.name, lambda _: None, topic.qos, raw=True)
@@ -180,12 +168,8 @@ def recorder() -> None:
 
 
 def _node(name: str) -> Any:
-    import rclpy
-
-    from skydiver_utc.nodes.topics import NAMESPACE
-
     rclpy.init()
-    return rclpy.create_node(name, namespace=NAMESPACE)
+    return rclpy.create_node(name, namespace=topics.NAMESPACE)
 
 
 def _publisher(node: Any, topic: Any) -> Any:
@@ -197,15 +181,10 @@ def _subscribe(node: Any, topic: Any, callback: Callable[[Any], None]) -> None:
 
 
 def _joint_state(names: list[str]) -> Any:
-    from sensor_msgs.msg import JointState
-
     return JointState(name=names, position=[0.0] * len(names))
 
 
 def _spin(node: Any, until: Callable[[], bool] = lambda: False) -> None:
-    import rclpy
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     with suppress(KeyboardInterrupt, ExternalShutdownException):
