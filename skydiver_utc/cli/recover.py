@@ -35,13 +35,14 @@ def recover(folder: Path, out: Path | None, as_json: bool) -> None:
         source = folder if folder.is_dir() else folder.parent
         texts = {name: text_of(source / name) for name in (SCENARIO_FILE, VERSIONS_FILE)}
         recovery.recover(folder, into, {name: text for name, text in texts.items() if text})
+    first, last = found.log_span_ns or (None, None)
     values: dict[str, Any] = {
         "whole": found.whole,
         "recovered_into": None if into is None else str(into),
         "messages": found.message_count,
         "messages_by_topic": dict(sorted(found.counts.items())),
-        "first_ns": None if found.log_span_ns is None else found.log_span_ns[0],
-        "last_ns": None if found.log_span_ns is None else found.log_span_ns[1],
+        "first_ns": first,
+        "last_ns": last,
         "lost_messages": found.lost_messages,
         "losses": [loss._asdict() for loss in found.losses],
     }
@@ -50,10 +51,9 @@ def recover(folder: Path, out: Path | None, as_json: bool) -> None:
     elif into is None:
         show_lines(f"{found.path} is complete ({found.message_count} messages), there is nothing to recover")
     else:
-        first, last = found.log_span_ns or (0, 0)
 
         def since_first(ns: int | None) -> float | None:
-            return None if ns is None else seconds(ns - first)
+            return None if ns is None or first is None else seconds(ns - first)
 
         values["messages_until_s"] = since_first(last)
         values["losses"] = [

@@ -11,6 +11,7 @@ F_j from the adjoint of the closed loop. The reference counts as constant after 
 before is the one that the limits left, so that a control at its limit does not wind up.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -50,32 +51,27 @@ def linearised(plant: Plant, about: Reduced, control: Array, outputs: tuple[str,
     """The plant's model about an equilibrium in its reduced state; central differences."""
     model, selected = plant.bound_model, [plant.output_names.index(name) for name in outputs]
     following, values = np.empty(plant.model.state_size), np.empty(len(plant.output_names))
+    n, base = len(about.state), np.append(about.state, control)
 
-    def step(z: Array, u: Array) -> Array:
-        model.step(about.expand(z), u, following)
+    def step(at: Array) -> Array:
+        model.step(about.expand(at[:n]), at[n:], following)
         return about.reduce(following.copy())
 
-    def output(z: Array, _: Array) -> Array:
-        model.outputs(about.expand(z), values)
+    def output(at: Array) -> Array:
+        model.outputs(about.expand(at[:n]), values)
         return values[selected].copy()
 
-    def slope(of: object, z: Array, u: Array, of_control: bool) -> Array:
-        base, columns = u if of_control else z, []
+    def slopes(of: Callable[[Array], Array]) -> Array:
+        columns = []
         for i, size in enumerate(_DIFFERENCE * np.maximum(1.0, np.abs(base))):
             ahead, back = base.copy(), base.copy()
             ahead[i] += size
             back[i] -= size
-            pair = [(z, moved) if of_control else (moved, u) for moved in (ahead, back)]
-            columns.append((of(*pair[0]) - of(*pair[1])) / (ahead[i] - back[i]))  # type: ignore[operator]
+            columns.append((of(ahead) - of(back)) / (ahead[i] - back[i]))
         return np.array(columns).T
 
-    z = about.state
-    return Linearised(
-        slope(step, z, control, False),
-        slope(step, z, control, True),
-        slope(output, z, control, False),
-        output(z, control),
-    )
+    of_step = slopes(step)
+    return Linearised(of_step[:, :n], of_step[:, n:], slopes(output)[:, :n], output(base))
 
 
 def design(plant: Linearised, control_weight: Array, change_weight: Array, preview_steps: int) -> Gains:
