@@ -21,7 +21,6 @@ _DRAWS, _SEED, _ROUNDING = 100, 1, 1e-12
 
 
 def mean_square(_results: PaperResults) -> Claim:
-    """Claims on the update."""
     return _mean_square(updated_control)
 
 
@@ -56,7 +55,6 @@ def _random_covariance(generator: np.random.Generator, size: int) -> Array:
 
 
 def stability(_results: PaperResults) -> Claim:
-    """The conclusion's outlook."""
     return _stability()
 
 
