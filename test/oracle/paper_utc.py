@@ -18,11 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import sqrtm
+from plain_utc import Problem, Updated, predict, sigma_points, step, update, weights  # noqa: F401
 
 Array = NDArray[np.float64]
 Plant = Callable[[Array, Array, float], Array]  # (x, u, dt) -> x one step later
@@ -143,85 +142,6 @@ def s14_sequence(
     return np.array(result)
 
 
-def repair(P: ArrayLike, floor: float) -> Array:
-    """The nearest usable covariance: symmetrise, then raise every eigenvalue below the floor to the floor.
-
-    Not in the paper, whose Pu at k = 0 has the eigenvalue -.208 and hence no real square root.
-    """
-    P = np.asarray(P, dtype=float)
-    values, vectors = np.linalg.eigh((P + P.T) / 2.0)
-    repaired: Array = (vectors * np.maximum(values, floor)) @ vectors.T
-    return repaired
-
-
-def matrix_square_root(P: ArrayLike) -> Array:
-    """The symmetric S with S S = P, for a P that is already repaired (eq:sigp: S . S = Pu_k/k).
-
-    By SciPy's Schur method, on purpose not by the eigenvectors that `repair` uses.
-    """
-    S: Array = np.real(np.asarray(sqrtm(np.asarray(P, dtype=float))))
-    symmetric: Array = 0.5 * (S + S.T)
-    return symmetric
-
-
-# --------------------------------------------------------------------------- sigma points
-
-
-def sigma_points(U: ArrayLike, P: ArrayLike, W0: float) -> Array:
-    """eq:sigp, shape (2m+1, m), one point per row; P is already repaired.
-
-    U^0 = U_k/k,   U^i = U_k/k +- sqrt(n / (1 - W0)) S_j,   i = 1 .. 2m, j = 1 .. m, S S = Pu_k/k.
-
-    n is not defined in the paper: n = m, with which the points reproduce P.
-    Order: U^j = U + ... S_j for j = 1 .. m, then U^(m+j) = U - ... S_j for j = 1 .. m.
-    """
-    U = np.asarray(U, dtype=float)
-    m = U.size
-    offsets = np.sqrt(m / (1.0 - W0)) * matrix_square_root(P).T  # row j is column j of S
-    return np.vstack([U[None, :], U + offsets, U - offsets])
-
-
-def weights(m: int, W0: float) -> Array:
-    """eq:sigp, W^0 .. W^2m: W^0 = W0, W^i = (1 - W0) / (2m) for i = 1 .. 2m; they sum to 1."""
-    return np.array([W0] + [(1.0 - W0) / (2.0 * m)] * (2 * m))
-
-
-def bound(points: ArrayLike, U: ArrayLike, umin: ArrayLike, umax: ArrayLike) -> Array:
-    """eq:minmax_utc with eq:movep, for all points (rows) and elements j.
-
-    eq:movep: if U_k/k(j) is at its min (max) and U^i(j) < min(j) (> max(j)), then
-              U^i(j) = 1.5 U_k/k(j) - 0.5 U^i(j).
-
-    The rule sees the point as drawn, then the point is bounded.
-    "Equals" is exact equality; U_k/k is itself a bounded value.
-    """
-    drawn, mean = np.asarray(points, dtype=float), np.asarray(U, dtype=float)
-    low, high = np.asarray(umin, dtype=float), np.asarray(umax, dtype=float)
-    beyond = ((mean == low) & (drawn < low)) | ((mean == high) & (drawn > high))
-    return np.clip(np.where(beyond, 1.5 * mean - 0.5 * drawn, drawn), low, high)
-
-
-# --------------------------------------------------------------------------- dynamics of alpha
-
-
-def alpha_increment(
-    r: float,
-    r_before: float,
-    y: float,
-    y_before: float,
-    r_ahead: float,
-    r_ahead_before: float,
-    Kp: float,
-    KFF: float,
-) -> float:
-    """eq:m1utc, alpha(t) - alpha(t-dt):
-
-    + K_p (yr_ref(t) - yr_ref(t-dt)) - K_p (yr_real(t) - yr_real(t-dt))
-    + K_FF (yr_ref(t+tau) - yr_ref(t+tau-dt))
-    """
-    return Kp * (r - r_before) - Kp * (y - y_before) + KFF * (r_ahead - r_ahead_before)
-
-
 # --------------------------------------------------------------------------- settings
 
 
@@ -240,159 +160,64 @@ class Settings:
     KFF: float = 0.1
     tau: int = 0  # in steps
     floor: float = 1e-9  # of the eigenvalues of Pu when the sigma points are drawn
-    known_dynamics: bool = False  # of alpha; see `propagate`
+    known_dynamics: bool = False  # of alpha; see `alpha_by_the_pose`
 
 
-class Propagated(NamedTuple):
-    Y: Array  # (l,) output at the horizon
-    U: Array  # (m,) the control to be saved
-    applied: Array  # (N, m) the controls that drove the plant, j = 1 .. N
-    commanded_alpha: Array  # (N,) alpha before bounds and slew rate, j = 1 .. N
+# --------------------------------------------------------------------------- dynamics of alpha
 
 
-def propagate(
-    point: Array,
-    alpha_before: float,
-    x: Array,
-    reference: Array,
-    plant: Plant,
-    g: Callable[[Array], ArrayLike],
-    yaw_rate: Callable[[Array], float],
-    s: Settings,
-) -> Propagated:
-    """One bounded sigma point drives the plant from X_k to the horizon: X_k, U^i_k+j -> X^i_k+j, j = 1 .. N.
+def alpha_by_the_pose(
+    reference: Array, yaw_rate: Callable[[Array], float], s: Settings
+) -> Callable[..., Array]:
+    """eq:m1utc as `plain_utc` takes it: the control U^i_k+j commanded at step j - 1 of the horizon.
 
-    reference[i] = yr_ref(k + i), i = 0 .. N + tau at least. alpha_before is the alpha of U_k/k, the one
-    applied up to t_k. The control U^i_k+j acts on [t_k+j-1, t_k+j): Cm_damp, k_right and k_left are
-    constant, alpha_j is commanded by the dynamics below, then bounded, then slew-rate limited against
-    the alpha applied one step before (for j = 1: alpha_before).
+    alpha_j = alpha_j-1 + Kp (r[k+j] - r[k+j-1]) - Kp (y_j-1 - y_j-2) + KFF (r[k+j+tau] - r[k+j+tau-1])
 
-    Where the dynamics of alpha are not known, alpha_j = the sigma point's own alpha, and U^i is the point itself.
-    Where they are known, by eq:m1utc, with y_j = yr_real predicted at k + j, known up to y_j-1 when alpha_j is set:
-        alpha_j = alpha_j-1 + Kp (r[k+j] - r[k+j-1]) - Kp (y_j-1 - y_j-2) + KFF (r[k+j+tau] - r[k+j+tau-1])
-    alpha_0 is the sigma point's own alpha, alpha_j-1 the one left by bounds and slew rate, and y_-1 := y_0 since only
-    X_k is given. U^i (eq:xpred) is then the control of the first prediction step, which is the next to act.
+    y_j = yr_real predicted at k + j, known up to y_j-1 when alpha_j is set; y_-1 := y_0 since only X_k is given.
+    alpha_0 is the sigma point's own alpha, alpha_j-1 the one left by bounds and slew rate. The control that is
+    saved for eq:xpred is that of the first prediction step, which is the next to act.
     """
-    umin, umax = float(s.umin[ALPHA]), float(s.umax[ALPHA])
-    y = yaw_rate(x)
-    y_last = y
-    own = base = float(point[ALPHA])
-    applied_alpha, applied, commanded = alpha_before, [], []
-    for j in range(1, s.N + 1):
-        command = own
-        if s.known_dynamics:
-            ahead, ahead_last = reference[j + s.tau], reference[j + s.tau - 1]
-            command = base + alpha_increment(
-                reference[j], reference[j - 1], y, y_last, ahead, ahead_last, s.Kp, s.KFF
-            )
-        base = applied_alpha = slew(float(np.clip(command, umin, umax)), applied_alpha, s.rate, s.dt)
-        u = np.append(point[:ALPHA], applied_alpha)
-        x = plant(x, u, s.dt)
-        y_last, y = y, yaw_rate(x)
-        applied.append(u)
-        commanded.append(command)
-    saved = applied[0] if s.known_dynamics else np.array(point, dtype=float)
-    Y = np.atleast_1d(np.asarray(g(x), dtype=float))
-    return Propagated(Y, saved, np.array(applied), np.array(commanded))
+    r, y_before = reference, 0.0
 
+    def control(point: Array, before: Array, x: Array, _preview: object, j: int) -> Array:
+        nonlocal y_before
+        y = yaw_rate(x)
+        base, y_before = (point[ALPHA], y) if j == 0 else (before[ALPHA], y_before)
+        ahead = j + s.tau
+        change = s.Kp * (r[j + 1] - r[j] - y + y_before) + s.KFF * (r[ahead + 1] - r[ahead])
+        y_before = y
+        return np.append(point[:ALPHA], base + change)
 
-# --------------------------------------------------------------------------- prediction and update
-
-
-def predict(points: Array, W: Array, Qu: Array) -> tuple[Array, Array]:
-    """eq:xpred   U_k+1/k  = sum W^i U^i
-    eq:pu_pred    Pu_k+1/k = Qu + sum W^i (U^i - U_k+1/k)(U^i - U_k+1/k)^T
-
-    The points are the saved ones. The mean is taken over the points after bounds and eq:movep.
-    """
-    U = W @ points
-    D = points - U
-    return U, Qu + (W[:, None] * D).T @ D
-
-
-class Updated(NamedTuple):
-    U: Array  # U_k+1/k+1, before bounds and slew rate
-    Pu: Array  # Pu_k+1/k+1
-    K: Array  # (m, l)
-    C_y: Array  # (l, l)
-    C_uy: Array  # (m, l)
-    Ypred: Array  # (l,)
-
-
-def update(
-    U_pred: Array,
-    Pu_pred: Array,
-    points: Array,
-    Y: Array,
-    W: Array,
-    y_ref: ArrayLike,
-    P_err: float | Array,
-) -> Updated:
-    """eq:zpred and eq:utc_controller, for any number l of outputs (Y has shape (2m+1, l)).
-
-    Ypred_k = sum W^i Y^i
-    C_y     = P_err + sum W^i (Y^i - Ypred_k)(Y^i - Ypred_k)^T
-    C_uy    = sum W^i (U^i - U_k+1/k)(Y^i - Ypred_k)^T
-    K       = C_uy C_y^-1
-    U_k+1/k+1  = U_k+1/k + K (Y_ref(k dt + t_pred) - Ypred_k)
-    Pu_k+1/k+1 = Pu_k+1/k - K C_y K^T
-    """
-    Ypred = W @ Y
-    dY, dU = Y - Ypred, points - U_pred
-    l_outputs = Ypred.size
-    C_y = np.reshape(np.asarray(P_err, dtype=float), (l_outputs, l_outputs)) + (W[:, None] * dY).T @ dY
-    C_uy = (W[:, None] * dU).T @ dY
-    K = np.linalg.solve(C_y.T, C_uy.T).T
-    U = U_pred + K @ (np.atleast_1d(np.asarray(y_ref, dtype=float)) - Ypred)
-    return Updated(U, Pu_pred - K @ C_y @ K.T, K, C_y, C_uy, Ypred)
-
-
-class Step(NamedTuple):
-    U: Array  # U_k+1/k+1, bounded and slew-rate limited: acts on [t_k, t_k+1)
-    Pu: Array  # Pu_k+1/k+1, neither repaired nor symmetrised
-    drawn: Array  # (2m+1, m) sigma points before bounds
-    points: Array  # (2m+1, m) sigma points bounded
-    saved: Array  # (2m+1, m) controls saved for the sums
-    Y: Array  # (2m+1, l)
-    U_pred: Array
-    Pu_pred: Array
-    updated: Updated
-
-
-def constrain(U: Array, U_previous: Array, s: Settings) -> Array:
-    """The updated controller is bounded according to eq:minmax_utc, and the slew rate constraint eq:lim."""
-    U = np.clip(U, s.umin, s.umax)
-    U[ALPHA] = slew(float(U[ALPHA]), float(U_previous[ALPHA]), s.rate, s.dt)
-    return U
+    return control
 
 
 def utc_step(
-    U: Array,
+    U: ArrayLike,
     Pu: Array,
     x: Array,
-    reference: Array,
+    reference: ArrayLike,
     Qu: Array,
     plant: Plant,
     g: Callable[[Array], ArrayLike],
     yaw_rate: Callable[[Array], float],
     s: Settings,
     y_ref: ArrayLike | None = None,
-) -> Step:
-    """U_k/k, Pu_k/k, X_k -> U_k+1/k+1, Pu_k+1/k+1.
+) -> Updated:
+    """U_k/k, Pu_k/k, X_k -> U_k+1/k+1, Pu_k+1/k+1, by `plain_utc` under the paper's settings.
 
-    Sigma points, bounds, propagation, prediction, update, limits. reference[i] = yr_ref(k + i).
+    reference[i] = yr_ref(k + i), i = 0 .. N + tau at least.
     y_ref is Y_ref(k dt + t_pred), by default yr_ref(k + N) (eq:meas_utc, l = 1).
-    Pu_k/k is repaired for drawing the sigma points, and nowhere else. Qu is that of step k.
+    Where the dynamics of alpha are not known, alpha is the sigma point's own, and the point itself is saved.
     """
-    U, reference = np.asarray(U, dtype=float), np.asarray(reference, dtype=float)
-    drawn = sigma_points(U, repair(Pu, s.floor), s.W0)
-    points = bound(drawn, U, s.umin, s.umax)
-    runs = [propagate(p, float(U[ALPHA]), x, reference, plant, g, yaw_rate, s) for p in points]
-    saved, Y = np.array([run.U for run in runs]), np.array([run.Y for run in runs])
-    W = weights(U.size, s.W0)
-    U_pred, Pu_pred = predict(saved, W, Qu)
-    up = update(U_pred, Pu_pred, saved, Y, W, reference[s.N] if y_ref is None else y_ref, s.P_err)
-    return Step(constrain(up.U, U, s), up.Pu, drawn, points, saved, Y, U_pred, Pu_pred, up)
+    U, r = np.asarray(U, dtype=float), np.asarray(reference, dtype=float)
+    change = np.full(U.size, np.inf)
+    change[ALPHA] = s.rate * s.dt
+    problem = Problem(
+        plant, g, s.dt, (s.N,), s.umin, s.umax, change, np.asarray(s.P_err), s.W0, s.floor,
+        alpha_by_the_pose(r, yaw_rate, s) if s.known_dynamics else None,
+    )  # fmt: skip
+    wanted = {s.N: np.atleast_1d(r[s.N] if y_ref is None else y_ref)}
+    return step(U, Pu, x, wanted, Qu, problem)
 
 
 # --------------------------------------------------------------------------- independent closed forms

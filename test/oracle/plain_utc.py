@@ -33,10 +33,20 @@ class Problem(NamedTuple):
     rest: tuple[float, ...] = ()  # and their reference
 
 
-def root(P: Array, floor: float) -> Array:
-    """The symmetric root of P, its eigenvalues raised to the floor first."""
+def sigma_points(U: Array, P: Array, W0: float, floor: float = 0.0) -> Array:
+    """eq:sigp, (2m+1, m): U, U + sqrt(m / (1 - W0)) S_j, then U - ...; S S = P, its eigenvalues raised to the floor.
+
+    The paper does not define n of its root: n = m, with which the points reproduce P.
+    """
     values, vectors = np.linalg.eigh(0.5 * (P + P.T))
-    return vectors @ np.diag(np.sqrt(np.maximum(values, floor))) @ vectors.T
+    S = vectors @ np.diag(np.sqrt(np.maximum(values, floor))) @ vectors.T
+    offsets = np.sqrt(len(U) / (1.0 - W0)) * S
+    return np.vstack([[U], U + offsets, U - offsets])
+
+
+def weights(m: int, W0: float) -> Array:
+    """eq:sigp: W0, then 2m of (1 - W0) / (2m)."""
+    return np.array([W0] + [(1.0 - W0) / (2.0 * m)] * (2 * m))
 
 
 def limit(u: Array, before: Array, p: Problem) -> Array:
@@ -57,14 +67,31 @@ def to_the_horizon(point: Array, applied: Array, x: Array, preview: Array, p: Pr
     return np.concatenate(outputs), saved
 
 
-def step(U: Array, Pu: Array, x: Array, preview: Array, Qu: Array, p: Problem) -> tuple[Array, Array, Array]:
+def predict(points: Array, W: Array, Qu: Array) -> tuple[Array, Array]:
+    """U_k+1/k (eq:xpred) and Pu_k+1/k (eq:pu_pred) of the saved points."""
+    dU = points - W @ points
+    return W @ points, Qu + dU.T @ np.diag(W) @ dU
+
+
+class Updated(NamedTuple):
+    U: Array  # before bounds and slew rate
+    Pu: Array  # neither repaired nor symmetrised
+    Ypred: Array
+
+
+def update(U: Array, Pu: Array, points: Array, Y: Array, W: Array, wanted: Array, P_err: Array) -> Updated:
+    """eq:zpred and eq:utc_controller of what `predict` gives, for any number of outputs Y (2m+1, l)."""
+    Ypred = W @ Y
+    dY, dU = Y - Ypred, points - U
+    C_y = P_err + dY.T @ np.diag(W) @ dY
+    K = dU.T @ np.diag(W) @ dY @ np.linalg.inv(C_y)
+    return Updated(U + K @ (wanted - Ypred), Pu - K @ C_y @ K.T, Ypred)
+
+
+def step(U: Array, Pu: Array, x: Array, preview: Array, Qu: Array, p: Problem) -> Updated:
     """U and Pu after the step, and the mean output; row j of the preview is wanted j steps from now."""
-    m = len(U)
-    S = np.sqrt(m / (1 - p.W0)) * root(Pu, p.floor)
-    drawn = [U] + [U + S[:, j] for j in range(m)] + [U - S[:, j] for j in range(m)]  # eq:sigp
-    W = np.array([p.W0] + [(1 - p.W0) / (2 * m)] * (2 * m))
-    points = []
-    for point in drawn:
+    m, points = len(U), []
+    for point in sigma_points(U, Pu, p.W0, p.floor):
         moved = point.copy()
         for j in range(m):
             if (U[j] == p.low[j] and point[j] < p.low[j]) or (U[j] == p.high[j] and point[j] > p.high[j]):
@@ -73,11 +100,6 @@ def step(U: Array, Pu: Array, x: Array, preview: Array, Qu: Array, p: Problem) -
     runs = [to_the_horizon(point, U, x, preview, p) for point in points]
     saved = np.array([run[1] for run in runs])
     Y = np.array([np.concatenate([run[0], run[1][list(p.drawn)]]) for run in runs])
-    U_pred, Y_pred = W @ saved, W @ Y  # eq:xpred, eq:zpred
-    dU, dY = saved - U_pred, Y - Y_pred
-    C_y = p.P_err + dY.T @ np.diag(W) @ dY
-    C_uy = dU.T @ np.diag(W) @ dY
-    K = C_uy @ np.linalg.inv(C_y)  # eq:utc_controller
-    wanted = np.concatenate([*(preview[j] for j in p.steps), p.rest])
-    Pu_next = Qu + dU.T @ np.diag(W) @ dU - K @ C_y @ K.T  # eq:pu_pred
-    return limit(U_pred + K @ (wanted - Y_pred), U, p), Pu_next, Y_pred
+    wanted, W = np.concatenate([*(preview[j] for j in p.steps), p.rest]), weights(m, p.W0)
+    found = update(*predict(saved, W, Qu), saved, Y, W, wanted, p.P_err)
+    return found._replace(U=limit(found.U, U, p))
