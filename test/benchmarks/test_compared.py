@@ -26,6 +26,7 @@ def test_the_model_in_casadi_is_the_plant(name):
         np.testing.assert_allclose(outputs, plant.outputs(expected), rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", PLANTS)
 def test_a_reference_is_what_the_outputs_of_its_moves_are(name):
     """From the plant's own start to the last move's end; with a lead (T d/dt + 1)^p of it, here by differences."""
@@ -55,6 +56,7 @@ def test_the_search_begins_at_the_start_and_ends_near_the_best():
     np.testing.assert_array_equal(points, [p for p, _ in random_search(bowl, np.zeros(2), 2.0, 41, 3)])
 
 
+@pytest.mark.long
 def test_utc_and_the_regulator_steer_the_ship():
     """Two flights of search each: both stay near, and at rest there is no offset."""
     rows = list(compared(("ship",), ("utc", "lqr"), flights=2))

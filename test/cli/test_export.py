@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command_line import invoke
 from recordings import write_run
-from runs import random_run
+from runs import cart, random_run
 
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import from_yaml
@@ -17,7 +17,7 @@ from skydiver_utc.parameters import from_yaml
 
 @pytest.fixture(scope="module")
 def run() -> Run:
-    return random_run()
+    return random_run(cart())
 
 
 @pytest.fixture(scope="module")
@@ -34,10 +34,10 @@ def test_tables_hold_every_number_of_the_run(run: Run, folder: Path, tmp_path: P
     npz, columns = np.load(tmp_path / "run.npz"), parquet.read_table(tmp_path / "run.parquet")
     wanted = {
         "time_s": run.time_s,
-        "state/wz": run.states[:, 12],
-        "command/alpha": np.append(run.commands[:, 3], np.nan),
-        "applied_command/alpha": np.append(run.applied[:, 3], np.nan),
-        "reference/yaw_rate": run.reference[:, 0],
+        "state/speed": run.states[:, 1],
+        "command/force": np.append(run.commands[:, 0], np.nan),
+        "applied_command/force": np.append(run.applied[:, 0], np.nan),
+        "reference/place": run.reference[:, 0],
         "telemetry/innovation": np.append(run.telemetry[:, 0], np.nan),
     }
     for name, values in wanted.items():

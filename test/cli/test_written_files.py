@@ -106,6 +106,7 @@ def test_a_full_stdout_is_one_sentence(scenario: Path) -> None:
     assert "No space" in done.stderr
 
 
+@pytest.mark.long
 def test_a_locale_without_a_character_gets_another_one(scenario: Path) -> None:
     title = "title='Grüße ± ☃'"
     code, stdout, stderr = call("simulate", scenario, "--quiet", "--set", title, PYTHONIOENCODING="ascii")

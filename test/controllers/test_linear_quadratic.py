@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The linear-quadratic gains against batch least squares over a long horizon, and the skydiver's linear model."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.linalg import logm
@@ -35,22 +37,26 @@ def controller_of(control, minimum, maximum, preview_steps):
     return LinearQuadraticController(LqrSettings(horizon_steps=preview_steps, **named), plant, ("y0",), 1.0)
 
 
-def best_first_control(z, u_before, reference, steps=300):
-    """The first control of the least-squares solution over many steps, the reference constant after its end."""
+@cache
+def long_problem(steps=300):
+    """Outputs (steps, 3) by the state, and the first control (2, rows) by the right side of the least squares."""
     n = 2 * steps
-    response, state_of = np.zeros((steps, n)), np.zeros((3, n))
-    free, x = np.zeros(steps), z
+    response, state_of, free, power = np.zeros((steps, n)), np.zeros((3, n)), np.zeros((steps, 3)), np.eye(3)
     for k in range(steps):
-        state_of = A @ state_of
+        state_of, power = A @ state_of, A @ power
         state_of[:, 2 * k : 2 * k + 2] += B
-        x = A @ x
-        response[k], free[k] = C @ state_of, C @ x
-    r = np.append(reference, np.full(steps - len(reference), reference[-1]))
+        response[k], free[k] = C @ state_of, C @ power
     change = np.eye(n) - np.eye(n, k=-2)
     w, s = np.sqrt(np.tile(W, steps)), np.sqrt(np.tile(S, steps))
-    M = np.vstack([response, np.diag(w), s[:, None] * change])
-    t = np.concatenate([r - free, np.zeros(n), s * np.append(u_before, np.zeros(n - 2))])
-    return np.linalg.lstsq(M, t, rcond=None)[0][:2]
+    return free, np.linalg.pinv(np.vstack([response, np.diag(w), s[:, None] * change]))[:2]
+
+
+def best_first_control(z, u_before, reference):
+    """The first control of the least-squares solution over many steps, the reference constant after its end."""
+    free, first = long_problem()
+    r = np.append(reference, np.full(len(free) - len(reference), reference[-1]))
+    before = np.append(np.sqrt(S) * u_before, np.zeros(2 * len(free) - 2))
+    return first @ np.concatenate([r - free @ z, np.zeros(2 * len(free)), before])
 
 
 @pytest.mark.parametrize("seed", range(4))

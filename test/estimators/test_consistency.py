@@ -12,7 +12,7 @@ from skydiver_utc.estimators.consistency import consistency
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import load_scenario
 
-RUNS = 120
+RUNS = 100
 
 
 def test_the_nees_of_many_runs_lies_in_its_band():

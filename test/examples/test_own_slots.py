@@ -90,12 +90,14 @@ def test_a_plant_names_its_own_signals(load, name, message):
     np.testing.assert_array_equal(applied, plant.maximum)
 
 
+@pytest.mark.long
 def test_utc_swings_the_pendulum(load):
     run = simulate(load("pendulum"))
     assert np.abs(run.error[len(run.error) // 2 :]).max() < 0.01
     assert np.abs(run.commands).max() <= 3.0
 
 
+@pytest.mark.long
 def test_utc_flies_the_quadrotor_to_its_place(load):
     run = simulate(load("quadrotor"))
     np.testing.assert_allclose(run.states[-1, :3], [1.0, -0.5, 2.0], atol=1e-5)

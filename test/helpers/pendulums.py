@@ -1,23 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """A pendulum under a torque, jitted and plain, and an unscented Kalman filter of it."""
 
-import numba
+import nees
 import numpy as np
 
 from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.estimators.unscented_kalman_filter import UnscentedKalmanFilter
 from skydiver_utc.plants.function import FunctionPlant
 
-DT_S = 0.02
-
-
-def swing(x, u, dt):
-    """Angle, 0 hanging down, and rate; semi-implicit Euler."""
-    rate = x[1] + dt * (u[0] - 9.0 * np.sin(x[0]) - 0.1 * x[1])
-    return np.array([x[0] + dt * rate, rate])
-
-
-JITTED = numba.njit(swing)
+DT_S, JITTED = nees.DT_S, nees.swing
+swing = JITTED.py_func
 
 
 def pendulum(function=JITTED, state=(0.5, 0.0)):

@@ -11,7 +11,6 @@ from std_msgs.msg import String
 from bags import Row, stored
 from skydiver_utc.messages import outcome_text, scenario_text
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.recorder_node import RecorderNode
 from skydiver_utc.nodes.topics import RECORDED, Topic
 
 NEEDED = tuple(topic for topic in RECORDED if topic.needed)
@@ -22,7 +21,7 @@ class Stage:
 
     def __init__(self, ros: Ros, folder: Path, **parameters: object) -> None:
         self.ros, self.folder = ros, folder
-        self.node: RecorderNode = ros.add(RecorderNode(ros.context, overrides(out=str(folder), **parameters)))
+        self.node = ros.node("recorder", overrides(out=str(folder), **parameters))
         self.others: Partner = ros.partner("others")
         self.ready = self.others.receive(topics.RECORDER_READY)
         self.sent: list[tuple[str, bytes]] = []

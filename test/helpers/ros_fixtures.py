@@ -29,6 +29,11 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from skydiver_utc.nodes import topics
+from skydiver_utc.nodes.controller_node import ControllerNode
+from skydiver_utc.nodes.estimator_node import EstimatorNode
+from skydiver_utc.nodes.plant_node import PlantNode
+from skydiver_utc.nodes.recorder_node import RecorderNode
+from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.nodes.topics import NAMESPACE, Topic
 
 pytest_plugins = ("ros_domains",)
@@ -36,6 +41,13 @@ pytest_plugins = ("ros_domains",)
 # The machine may stand still for seconds: a wait ends when its condition holds, this is only the far end.
 PATIENCE_S = 150.0
 SCENARIO = "fast_turn_unknown_dynamics"
+KINDS: dict[str, Any] = {
+    "plant": PlantNode,
+    "controller": ControllerNode,
+    "reference": ReferenceNode,
+    "estimator": EstimatorNode,
+    "recorder": RecorderNode,
+}
 # The state of a plant without a pose, such as the cart of `own_slots`.
 JOINT_STATE = topics.STATE.of_type(topics.STATE_TYPES["joint_state"])
 
@@ -65,6 +77,14 @@ class Ros:
         self.executor.add_node(node)
         self._nodes.append(node)
         return node
+
+    def node(self, kind: str, given: Mapping[str, object]) -> Any:
+        """A node of the package with these parameters."""
+        return self.add(KINDS[kind](self.context, dict(given)))
+
+    def start(self, given: Mapping[str, object], *kinds: str) -> list[Any]:
+        """Several of them with the same parameters."""
+        return [self.node(kind, given) for kind in kinds]
 
     def remove(self, node: Any) -> None:
         """Take a node away, as if its process had ended."""

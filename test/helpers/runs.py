@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Synthetic runs whose metrics can be computed by hand."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -124,6 +125,7 @@ def run_of(
     return Run(**(content | fields))
 
 
+@cache
 def odd_runs() -> dict[str, Run]:
     """Runs that every page and figure must be able to show."""
     points = {"kind": "points", "output": "alpha", "points": [[0.0, 0.0], [1.0, 0.5]]}

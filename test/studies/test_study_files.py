@@ -372,7 +372,7 @@ class TestReport:
         """The place at the start moves the mean error, the friction of a cart at rest does not."""
         pytest.importorskip("SALib")
         path = study_file(
-            tmp_path, sampler=sampler, runs=16, metrics=["outputs.place.max_abs_error"], success={},
+            tmp_path, sampler=sampler, runs=8, metrics=["outputs.place.max_abs_error"], success={},
             cases={"light": {"scenario": str(tmp_path / "cart.yaml")}},
             vary={
                 "start": {"settings": ["plant.initial.0"], "uniform": [-4.0, 0.0]},

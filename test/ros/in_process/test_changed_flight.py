@@ -14,11 +14,7 @@ from skydiver_utc.analysis.recorded_run import RecordedRun
 from skydiver_utc.loop.plant_steps import PlantSteps
 from skydiver_utc.messages import read_state
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.controller_node import ControllerNode
 from skydiver_utc.nodes.observed_run import ObservedRun
-from skydiver_utc.nodes.plant_node import PlantNode
-from skydiver_utc.nodes.recorder_node import RecorderNode
-from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.rotations import turn_into_world
 from skydiver_utc.view.live_controls import LivePage
@@ -41,10 +37,8 @@ def wait(condition: Callable[[], object]) -> None:
 @pytest.mark.long
 def test_sliders_ghost_push_and_gust_reach_the_flight_and_the_bag(ros: Ros, tmp_path: Path) -> None:
     given = overrides(6.0)
-    recorder = ros.add(RecorderNode(ros.context, given | {"out": str(tmp_path / "bag")}))
-    plant = ros.add(PlantNode(ros.context, given | {"wait_for_recorder": True}))
-    controller = ros.add(ControllerNode(ros.context, given | {"wait_for_recorder": True}))
-    ros.add(ReferenceNode(ros.context, given))
+    recorder = ros.node("recorder", given | {"out": str(tmp_path / "bag")})
+    plant, controller, _ = ros.start(given | {"wait_for_recorder": True}, "plant", "controller", "reference")
     with spinning(ros):
         observed = ObservedRun("skydiver", PATIENCE_S, ros.context)
         observed.pause(True)
@@ -128,9 +122,7 @@ def test_sliders_ghost_push_and_gust_reach_the_flight_and_the_bag(ros: Ros, tmp_
 
 
 def test_a_push_acts_at_the_next_step_and_one_of_a_place_is_refused(ros: Ros) -> None:
-    plant = ros.add(PlantNode(ros.context, overrides(0.5, mode="real_time")))
-    ros.add(ControllerNode(ros.context, overrides(0.5, mode="real_time")))
-    ros.add(ReferenceNode(ros.context, overrides(0.5)))
+    plant, *_ = ros.start(overrides(0.5, mode="real_time"), "plant", "controller", "reference")
     partner = ros.partner()
     states, pushed = partner.receive(topics.STATE), partner.receive(topics.PUSHED)
     push = partner.publisher(topics.PUSH)

@@ -17,7 +17,6 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from skydiver_utc.loop.build import build_reference
 from skydiver_utc.messages import fill_named, fill_preview, read_named
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.controller_node import ControllerNode
 from skydiver_utc.parameters import ParameterError
 
 pytest_plugins = ("ros_fixtures",)
@@ -30,9 +29,7 @@ class Stage:
 
     def __init__(self, ros: Ros, folder: Path, **settings: object) -> None:
         self.ros = ros
-        self.node: ControllerNode = ros.add(
-            ControllerNode(ros.context, {"scenario": cart_file(folder), **settings})
-        )
+        self.node = ros.node("controller", {"scenario": cart_file(folder), **settings})
         self.partner: Partner = ros.partner("own_plant")
         self.states = self.partner.publisher(JOINT_STATE)
         self.previews = self.partner.publisher(topics.REFERENCE_PREVIEW)
@@ -261,7 +258,7 @@ def test_a_twist_needs_a_component_for_each_control(ros: Ros, tmp_path: Path) ->
     given = {"scenario": cart_file(tmp_path), "command_message": "twist"}
     for components in ([], ["linear.x"], ["linear.x", "linear.w"]):
         with pytest.raises(ParameterError, match="command_components"):
-            ControllerNode(ros.context, given | {"command_components": components})
+            ros.node("controller", given | {"command_components": components})
 
 
 def test_a_scenario_that_cannot_be_read_is_counted(stage: Stage) -> None:

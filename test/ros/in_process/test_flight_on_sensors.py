@@ -12,11 +12,6 @@ from ros_fixtures import Ros, overrides
 
 from skydiver_utc.estimators.consistency import VERDICTS
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.controller_node import ControllerNode
-from skydiver_utc.nodes.estimator_node import EstimatorNode
-from skydiver_utc.nodes.plant_node import PlantNode
-from skydiver_utc.nodes.recorder_node import RecorderNode
-from skydiver_utc.nodes.reference_node import ReferenceNode
 
 pytest_plugins = ("ros_fixtures",)
 
@@ -30,10 +25,8 @@ def test_a_flight_on_sensors_equals_the_simulation_and_its_check(ros: Ros, tmp_p
         estimator__sensors__gyroscope__delay_s=0.02,
         estimator__sensors__gyroscope__loss=0.2,
     )
-    waiting = given | {"wait_for_recorder": True}
-    recorder = ros.add(RecorderNode(ros.context, given | {"out": str(folder)}))
-    kinds = (ReferenceNode, EstimatorNode, ControllerNode, PlantNode)
-    nodes = [ros.add(kind(ros.context, waiting)) for kind in kinds]
+    recorder = ros.node("recorder", given | {"out": str(folder)})
+    nodes = ros.start(given | {"wait_for_recorder": True}, "reference", "estimator", "controller", "plant")
     ros.spin_until(lambda: recorder.finished and not recorder.not_in_bag())
     assert [node.close() for node in (*nodes, recorder)] == [0] * 5
     bag = Bag(folder)

@@ -18,10 +18,7 @@ from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.messages import read_named, read_outcome
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.controller_node import ControllerNode
 from skydiver_utc.nodes.lifecycle import RefusedError
-from skydiver_utc.nodes.plant_node import PlantNode
-from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.parameters import ParameterError, load_scenario
 
 pytest_plugins = ("ros_fixtures",)
@@ -30,7 +27,7 @@ CONFIGURE, CLEANUP = Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_CLEA
 ACTIVATE, DEACTIVATE = Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_DEACTIVATE
 SHUTDOWN_UNCONFIGURED = Transition.TRANSITION_UNCONFIGURED_SHUTDOWN
 SHUTDOWN_ACTIVE = Transition.TRANSITION_ACTIVE_SHUTDOWN
-KINDS: dict[str, Any] = {"plant": PlantNode, "controller": ControllerNode, "reference": ReferenceNode}
+KINDS = ("plant", "controller", "reference")
 
 
 class Manager:
@@ -66,7 +63,7 @@ class Stage:
         self.outcomes = self.spectator.receive(topics.OUTCOME)
 
     def add(self, kind: str, **settings: object) -> Any:
-        return self.ros.add(KINDS[kind](self.ros.context, self.given | settings))
+        return self.ros.node(kind, self.given | settings)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -200,7 +197,7 @@ def test_a_node_that_refuses_to_shut_down_is_not_active(
 def test_a_refused_node_leaves_nothing_behind(ros: Ros, tmp_path: Path) -> None:
     partner = ros.partner()
     with pytest.raises(ParameterError):
-        PlantNode(ros.context, {"scenario": cart_file(tmp_path), "mode": "fast"})
+        ros.node("plant", {"scenario": cart_file(tmp_path), "mode": "fast"})
     ros.spin_until(lambda: "plant" not in partner.get_node_names())
 
 

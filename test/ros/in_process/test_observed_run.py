@@ -59,6 +59,7 @@ def test_the_newest_messages_are_shown_once_the_plant_counts_steps(ros: Ros) -> 
     assert not any(early)
 
 
+@pytest.mark.processes
 def test_a_signal_ends_the_page(ros: Ros, processes: Processes) -> None:
     page = processes.python("view", "-m", "skydiver_utc", "view", "--ros", "nobody")
     partner = ros.partner()

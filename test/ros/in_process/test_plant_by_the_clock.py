@@ -11,9 +11,6 @@ from ros_fixtures import JOINT_STATE, Ros
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.messages import read_outcome
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.controller_node import ControllerNode
-from skydiver_utc.nodes.plant_node import PlantNode
-from skydiver_utc.nodes.reference_node import ReferenceNode
 
 pytest_plugins = ("ros_fixtures",)
 
@@ -24,19 +21,17 @@ class Stage:
     def __init__(self, ros: Ros, folder: Path, duration_s: float = 0.3, **settings: object) -> None:
         self.ros = ros
         self.given = {"scenario": cart_file(folder), "duration_s": duration_s, "mode": "real_time"}
-        self.plant: PlantNode = ros.add(PlantNode(ros.context, self.given | settings))
+        self.plant = ros.node("plant", self.given | settings)
         self.partner = ros.partner("own_controller")
         self.outcomes = self.partner.receive(topics.OUTCOME)
 
     def controller(self) -> None:
-        self.ros.add(ReferenceNode(self.ros.context, self.given))
-        self.ros.add(ControllerNode(self.ros.context, self.given))
+        self.ros.start(self.given, "reference", "controller")
 
     def own_controller(self, then: Callable[[Any, Any], None]) -> None:
         """A partner that commands: `then(state, commands)` for each state."""
         commands = self.partner.publisher(topics.COMMAND)
-        state = JOINT_STATE
-        self.partner.receive(state, lambda message: then(message, commands))
+        self.partner.receive(JOINT_STATE, lambda message: then(message, commands))
 
     def outcome(self) -> dict[str, Any]:
         self.ros.spin_until(lambda: self.outcomes)

@@ -18,10 +18,7 @@ from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.plant_steps import PlantSteps
 from skydiver_utc.messages import StepGrid
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.controller_node import ControllerNode
 from skydiver_utc.nodes.plant_display import PlantDisplay
-from skydiver_utc.nodes.plant_node import PlantNode
-from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.parameters import load_scenario
 
 pytest_plugins = ("ros_fixtures",)
@@ -43,9 +40,7 @@ def test_urdf_joints_markers_and_transforms_show_the_flight(ros: Ros) -> None:
     given = overrides(0.3)
     spectator = ros.partner()
     received = {topic: spectator.receive(topic) for topic in DISPLAYED}
-    plant: PlantNode = ros.add(PlantNode(ros.context, given))
-    ros.add(ControllerNode(ros.context, given))
-    ros.add(ReferenceNode(ros.context, given))
+    plant, *_ = ros.start(given, "plant", "controller", "reference")
     ros.spin_until(lambda: plant.done)
     run = simulate(load_scenario("fast_turn_unknown_dynamics", {"duration_s": 0.3}))
     steps = range(0, len(run.states), 10)
@@ -80,12 +75,12 @@ def test_urdf_joints_markers_and_transforms_show_the_flight(ros: Ros) -> None:
 
 
 def test_a_plant_without_a_body_advertises_none_of_it(ros: Ros, tmp_path: Path) -> None:
-    plant: PlantNode = ros.add(PlantNode(ros.context, {"scenario": cart_file(tmp_path)}))
+    plant = ros.node("plant", {"scenario": cart_file(tmp_path)})
     assert not any(plant.count_publishers(f"/skydiver/{topic.name}") for topic in DISPLAYED)
 
 
 def test_markers_can_be_left_out(ros: Ros) -> None:
-    plant: PlantNode = ros.add(PlantNode(ros.context, overrides(0.1, markers=False)))
+    plant = ros.node("plant", overrides(0.1, markers=False))
     assert not plant.count_publishers("/skydiver/markers")
     assert plant.count_publishers("/skydiver/joint_states")
 

@@ -14,7 +14,6 @@ from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.messages import read_outcome, run_id_of
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Level
-from skydiver_utc.nodes.plant_node import PlantNode
 
 pytest_plugins = ("ros_fixtures",)
 
@@ -25,7 +24,7 @@ class Stage:
     def __init__(self, ros: Ros, folder: Path, **settings: object) -> None:
         self.ros = ros
         given = {"scenario": cart_file(folder), **settings}
-        self.plant: PlantNode = ros.add(PlantNode(ros.context, given))
+        self.plant = ros.node("plant", given)
         self.partner: Partner = ros.partner("own_controller")
         self.commands = self.partner.publisher(topics.COMMAND)
         self.states = self.partner.receive(JOINT_STATE)
@@ -105,7 +104,7 @@ def test_it_gives_up_after_the_last_retry(ros: Ros, tmp_path: Path) -> None:
 
 
 def test_without_a_controller_it_ends_at_the_startup_timeout(ros: Ros, tmp_path: Path) -> None:
-    plant = ros.add(PlantNode(ros.context, {"scenario": cart_file(tmp_path), "startup_timeout_s": 0.2}))
+    plant = ros.node("plant", {"scenario": cart_file(tmp_path), "startup_timeout_s": 0.2})
     ros.spin_until(lambda: plant.done)
     assert (plant.outcome, plant.k, plant.close()) == (Outcome.NO_COMMAND, -1, 1)
 
@@ -113,7 +112,7 @@ def test_without_a_controller_it_ends_at_the_startup_timeout(ros: Ros, tmp_path:
 def test_it_begins_only_when_the_node_that_commands_is_subscribed_to_the_state(
     ros: Ros, tmp_path: Path
 ) -> None:
-    plant = ros.add(PlantNode(ros.context, {"scenario": cart_file(tmp_path)}))
+    plant = ros.node("plant", {"scenario": cart_file(tmp_path)})
     ros.partner("spectator").receive(JOINT_STATE)
     controller = ros.partner("own_controller")
     controller.publisher(topics.COMMAND)
@@ -175,7 +174,7 @@ def test_two_publishers_of_command_are_an_error(stage: Stage) -> None:
 
 def test_a_mishap_is_the_outcome_of_a_run_that_goes_on(ros: Ros, tmp_path: Path) -> None:
     text = CART.replace("own_slots:Cart", "own_slots:CartWithMishap")
-    plant = ros.add(PlantNode(ros.context, {"scenario": cart_file(tmp_path, text), "duration_s": 0.02}))
+    plant = ros.node("plant", {"scenario": cart_file(tmp_path, text), "duration_s": 0.02})
     partner = ros.partner("own_controller")
     commands = partner.publisher(topics.COMMAND)
 

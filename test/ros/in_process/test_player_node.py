@@ -16,12 +16,8 @@ from rosgraph_msgs.msg import Clock
 from bags import Row, text_message
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.controller_node import ControllerNode
 from skydiver_utc.nodes.lifecycle import RefusedError
-from skydiver_utc.nodes.plant_node import PlantNode
 from skydiver_utc.nodes.player_node import PlayerNode
-from skydiver_utc.nodes.recorder_node import RecorderNode
-from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.nodes.topics import RECORDED, Topic
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.recording.reader import read_bag
@@ -42,8 +38,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     given = {"scenario": cart_file(folder)}
     waiting = given | {"wait_for_recorder": True}
     with reserved_domain() as domain, closing(Ros(domain)) as ros:
-        recorder = ros.add(RecorderNode(ros.context, given | {"out": str(folder / "run")}))
-        nodes = [ros.add(kind(ros.context, waiting)) for kind in (ReferenceNode, ControllerNode, PlantNode)]
+        recorder = ros.node("recorder", given | {"out": str(folder / "run")})
+        nodes = ros.start(waiting, "reference", "controller", "plant")
         ros.spin_until(lambda: recorder.finished)
         for node in (*nodes, recorder):
             assert node.close() == 0

@@ -14,10 +14,6 @@ from std_msgs.msg import String
 from bags import metadata_of
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.controller_node import ControllerNode
-from skydiver_utc.nodes.plant_node import PlantNode
-from skydiver_utc.nodes.recorder_node import RecorderNode
-from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.recording.reader import read_bag
 from skydiver_utc.recording.recovery import recover
 
@@ -47,12 +43,9 @@ def test_a_disk_that_runs_full_does_not_stop_the_run(
 ) -> None:
     Disk(monkeypatch, room=60_000)
     folder = tmp_path / "run"
-    given = {"scenario": cart_file(tmp_path), "duration_s": 8.0}
-    recorder = ros.add(RecorderNode(ros.context, given | {"out": str(folder)}))
-    waiting = given | {"wait_for_recorder": True}
-    ros.add(ReferenceNode(ros.context, waiting))
-    ros.add(ControllerNode(ros.context, waiting))
-    plant = ros.add(PlantNode(ros.context, waiting))
+    given = {"scenario": cart_file(tmp_path), "duration_s": 5.0}
+    recorder = ros.node("recorder", given | {"out": str(folder)})
+    *_, plant = ros.start(given | {"wait_for_recorder": True}, "reference", "controller", "plant")
     ros.spin_until(lambda: plant.finished and recorder.finished)
     assert plant.outcome is Outcome.COMPLETED
     assert recorder.close() == 1

@@ -16,7 +16,6 @@ from std_msgs.msg import String
 from bags import metadata_of, stored
 from skydiver_utc.messages import outcome_text
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.recorder_node import RecorderNode
 from skydiver_utc.nodes.topics import RECORDED
 from skydiver_utc.parameters import load_scenario
 
@@ -211,7 +210,7 @@ def test_without_a_name_the_folder_is_named_by_time_and_scenario(
     ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    node = ros.add(RecorderNode(ros.context, overrides()))
+    node = ros.node("recorder", overrides())
     node.close()
     (folder,) = (tmp_path / "bags").iterdir()
     assert folder.name[8] == "T"

@@ -12,7 +12,6 @@ from ros_fixtures import Partner, Ros
 from skydiver_utc.loop.build import build_reference
 from skydiver_utc.messages import read_named, read_preview
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.parameters import to_yaml
 
 pytest_plugins = ("ros_fixtures",)
@@ -30,7 +29,7 @@ class Stage:
     def __init__(self, ros: Ros, folder: Path, text: str = CART, **settings: object) -> None:
         self.ros = ros
         given = {"scenario": cart_file(folder, text), "chunk_steps": CHUNK, **settings}
-        self.node: ReferenceNode = ros.add(ReferenceNode(ros.context, given))
+        self.node = ros.node("reference", given)
         self.partner: Partner = ros.partner("own_plant")
         self.clocks = self.partner.publisher(topics.CLOCK)
         self.previews = self.partner.receive(topics.REFERENCE_PREVIEW)
@@ -69,7 +68,7 @@ def test_the_first_chunk_waits_for_a_plant_that_sends_its_clock_and_scenario(
     ros: Ros, tmp_path: Path
 ) -> None:
     """The controller begins with the first chunk, and with it the run."""
-    node = ros.add(ReferenceNode(ros.context, {"scenario": cart_file(tmp_path, CART)}))
+    node = ros.node("reference", {"scenario": cart_file(tmp_path, CART)})
     plant = ros.partner("plant")
     previews = plant.receive(topics.REFERENCE_PREVIEW)
     scenarios = plant.publisher(topics.SCENARIO)

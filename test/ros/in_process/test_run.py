@@ -2,6 +2,7 @@
 """A run over ROS in lockstep is the in-process run, bit for bit, with any plant."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from own_slots import CART, cart_file
@@ -15,20 +16,15 @@ from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
 from skydiver_utc.messages import read_named, read_outcome, read_preview, read_state, run_id_of
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.controller_node import ControllerNode
-from skydiver_utc.nodes.plant_node import PlantNode
-from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.parameters import load_scenario
 
 pytest_plugins = ("ros_fixtures",)
 
 
-def fly(ros: Ros, given: dict[str, object], *types: topics.Topic) -> tuple[PlantNode, Spectator]:
+def fly(ros: Ros, given: dict[str, object], *types: topics.Topic) -> tuple[Any, Spectator]:
     """All messages of a run of three nodes."""
     spectator = ros.add(Spectator(ros.context, *types))
-    ros.add(ReferenceNode(ros.context, given))
-    ros.add(ControllerNode(ros.context, given | {"wait_for_recorder": True}))
-    plant = ros.add(PlantNode(ros.context, given | {"wait_for_recorder": True}))
+    *_, plant = ros.start(given | {"wait_for_recorder": True}, "reference", "controller", "plant")
     received = spectator.received
     ros.spin_until(
         lambda: (
@@ -48,7 +44,7 @@ def assert_named(messages: list[object], names: tuple[str, ...], values: np.ndar
     assert np.array([read_named(message, names) for message in messages]).tobytes() == values.tobytes()
 
 
-def assert_equal(plant: PlantNode, spectator: Spectator, run: Run) -> None:
+def assert_equal(plant: Any, spectator: Spectator, run: Run) -> None:
     received, names = spectator.received, run.plant.control_names
     states = [read_state(message, run.plant.state_names) for message in received[topics.STATE]]
     assert np.array(states).tobytes() == run.states.tobytes()
@@ -70,7 +66,7 @@ def assert_equal(plant: PlantNode, spectator: Spectator, run: Run) -> None:
 DISTURBED = """
 extends: fast_turn_pi_dynamics
 name: disturbed
-duration_s: 0.5
+duration_s: 0.3
 seed: 5
 truth:
   actuator_lag_s: 0.03
@@ -96,7 +92,7 @@ def test_errors_of_plant_air_and_measurement_act_as_in_process_and_in_the_check(
     assert {"wind_z", "error_qx", "error_wz"} <= set(run.disturbance_names)
 
     joints = spectator.received[topics.JOINT_STATES]
-    assert len(joints) >= 0.5 * 20
+    assert len(joints) >= 0.3 * 20
     assert set(joints[0].name) == set(run.plant.joint_names)
 
     folder = write_run(tmp_path / "run", run, with_previews(run))
@@ -123,9 +119,8 @@ def test_a_plant_and_a_controller_of_ones_own_run_as_in_process(ros: Ros, tmp_pa
 def test_a_plant_that_leaves_its_model_ends_the_run(ros: Ros, tmp_path: Path) -> None:
     slow = CART.replace("dt_s: 0.01", "dt_s: 0.9").replace("frequency_hz: 2.0", "frequency_hz: 0.1")
     path = cart_file(tmp_path, slow.replace("0.5\n", "90.0\n"))
-    ros.add(ReferenceNode(ros.context, {"scenario": path}))
-    ros.add(ControllerNode(ros.context, {"scenario": path, "controller.gain": 90.0}))
-    plant = ros.add(PlantNode(ros.context, {"scenario": path}))
+    ros.node("controller", {"scenario": path, "controller.gain": 90.0})
+    _, plant = ros.start({"scenario": path}, "reference", "plant")
     ros.spin_until(lambda: plant.done)
     assert plant.outcome is Outcome.DIVERGED
     assert plant.close() == 1

@@ -10,8 +10,6 @@ from own_slots import CART, cart_file
 from ros_fixtures import JOINT_STATE, Ros
 
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.controller_node import ControllerNode
-from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.parameters.nanoseconds import stamp_ns
 
 pytest_plugins = ("ros_fixtures",)
@@ -43,19 +41,18 @@ class Vehicle:
         self._states.publish(message)
 
 
-def fly(ros: Ros, path: str, state: topics.Topic, **settings: object) -> tuple[Vehicle, ControllerNode]:
+def fly(ros: Ros, path: str, state: topics.Topic, **settings: object) -> tuple[Vehicle, Any]:
     given = {"scenario": path, "mode": "vehicle"}
     vehicle = Vehicle(ros, state, str(settings.get("command_message", "joint_state")))
-    ros.add(ReferenceNode(ros.context, given))
-    controller = ros.add(ControllerNode(ros.context, given | settings))
+    ros.node("reference", given)
+    controller = ros.node("controller", given | settings)
     ros.spin_until(lambda: len(vehicle.commands) > 20)
     return vehicle, controller
 
 
 def test_states_with_names_in_any_order_are_answered_with_their_own_stamps(ros: Ros, tmp_path: Path) -> None:
-    state = JOINT_STATE
     clock = ros.partner("clock")
-    vehicle, controller = fly(ros, cart_file(tmp_path), state)
+    vehicle, controller = fly(ros, cart_file(tmp_path), JOINT_STATE)
     sent = {stamp_ns(message.header.stamp) for message in vehicle.sent}
     answered = [stamp_ns(message.header.stamp) for message in vehicle.commands]
     assert set(answered) <= sent
@@ -77,17 +74,15 @@ def test_an_odometry_in_other_frames_is_taken_and_its_quaternion_normalised(ros:
 def test_the_command_comes_in_the_message_that_the_vehicle_takes(
     ros: Ros, tmp_path: Path, command_message: str
 ) -> None:
-    state = JOINT_STATE
     components = {"command_components": ["linear.x", "angular.z"]} if command_message == "twist" else {}
-    vehicle, _ = fly(ros, cart_file(tmp_path), state, command_message=command_message, **components)
+    vehicle, _ = fly(ros, cart_file(tmp_path), JOINT_STATE, command_message=command_message, **components)
     last = vehicle.commands[-1]
     brake = last.data[1] if command_message == "float64_multi_array" else last.angular.z
     assert brake == pytest.approx(0.25, abs=1e-3)
 
 
 def test_the_clock_is_published_where_asked_for(ros: Ros, tmp_path: Path) -> None:
-    state = JOINT_STATE
     clocks = ros.partner("clock").receive(topics.CLOCK)
-    vehicle, _ = fly(ros, cart_file(tmp_path), state, publish_clock=True)
+    vehicle, _ = fly(ros, cart_file(tmp_path), JOINT_STATE, publish_clock=True)
     ros.spin_until(lambda: clocks)
     assert stamp_ns(clocks[0].clock) in {stamp_ns(message.header.stamp) for message in vehicle.sent}

@@ -18,9 +18,6 @@ from ros_fixtures import NodeProcess, Processes, Ros, overrides
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.controller_node import ControllerNode
-from skydiver_utc.nodes.plant_node import PlantNode
-from skydiver_utc.nodes.reference_node import ReferenceNode
 from skydiver_utc.recording.recovery import recover
 
 pytest_plugins = ("ros_fixtures",)
@@ -62,9 +59,7 @@ class Recorded:
         self.folder = folder / "run"
         self.recorder = self.start_recorder(self.folder)
         waiting = self.given | {"wait_for_recorder": True}
-        ros.add(ReferenceNode(ros.context, waiting))
-        ros.add(ControllerNode(ros.context, waiting))
-        self.plant: PlantNode = ros.add(PlantNode(ros.context, waiting))
+        *_, self.plant = ros.start(waiting, "reference", "controller", "plant")
 
     def start_recorder(self, folder: Path) -> NodeProcess:
         return self._processes.start("recorder", self.given | {"out": folder})
