@@ -143,6 +143,7 @@ def test_settings_change_the_controller_and_the_plant_it_predicts_with(
     assert setting in values["controller"]
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_hole_in_the_reference_is_reported_and_filled(run: Run, tmp_path: Path) -> None:
     """As a reference node leaves it that was killed and restarted."""
     folder = write_run(tmp_path / "run", run, without("reference/setpoint", *range(60, 100)))

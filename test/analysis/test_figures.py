@@ -85,7 +85,7 @@ def test_every_run_can_be_drawn() -> None:
 
 
 def test_equal_runs_give_equal_files_whatever_the_user_has_set() -> None:
-    plain = png(tracking_figure(run_of()))
+    plain = png(tracking_figure(run_of(scenario=cart())))
     with matplotlib.rc_context({"font.size": 30, "savefig.dpi": 10, "axes.grid": False}):
-        assert png(tracking_figure(run_of())) == plain
+        assert png(tracking_figure(run_of(scenario=cart()))) == plain
         assert matplotlib.rcParams["font.size"] == 30

@@ -14,6 +14,8 @@ from skydiver_utc.errors import AnalysisError
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import load_scenario
 
+pytestmark = pytest.mark.long  # the program that estimates is compiled for ten seconds
+
 DAMPING_AND_HANDS = ("Cm_damp_yaw", "k_right", "k_left")
 
 

@@ -104,25 +104,24 @@ def test_what_was_not_recorded_is_the_scenario_s_posture(tmp_path):
     np.testing.assert_allclose(posture_of(mean), changed, atol=1e-10)
 
 
-STILL = neutral() + np.deg2rad(0.09) * np.random.default_rng(1).random((4, 45))
-
-
 @pytest.mark.parametrize(
-    ("postures", "arguments", "words"),
+    ("arguments", "words"),
     [
-        (STILL, [], "do not move"),
-        (two_patterns()[0], ["--component", "4"], "move along 3 directions"),
-        (two_patterns()[0], ["--component", "0"], "--component"),
-        (two_patterns()[0], ["--out", "pattern.txt"], "must end in .yaml"),
-        (two_patterns()[0], ["--mean", "nowhere/mean.yaml"], "a folder that exists"),
-        (two_patterns()[0], ["--out", "two.yaml", "--mean", "./two.yaml"], "--mean"),
-        (two_patterns()[0], ["--out", "mine.yaml"], "add --force"),
-        (two_patterns()[0], ["--mean", "mine.yaml"], "add --force"),
+        ([], "do not move"),
+        (["--component", "4"], "move along 3 directions"),
+        (["--component", "0"], "--component"),
+        (["--out", "pattern.txt"], "must end in .yaml"),
+        (["--mean", "nowhere/mean.yaml"], "a folder that exists"),
+        (["--out", "two.yaml", "--mean", "./two.yaml"], "--mean"),
+        (["--out", "mine.yaml"], "add --force"),
+        (["--mean", "mine.yaml"], "add --force"),
     ],
 )
-def test_what_cannot_be_extracted_is_refused(tmp_path, monkeypatch, postures, arguments, words):
+def test_what_cannot_be_extracted_is_refused(tmp_path, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
-    source, mine = csv_of(tmp_path / "moved.csv", postures), tmp_path / "mine.yaml"
+    still = neutral() + np.deg2rad(0.09) * np.random.default_rng(1).random((4, 45))
+    source = csv_of(tmp_path / "moved.csv", two_patterns()[0] if arguments else still)
+    mine = tmp_path / "mine.yaml"
     mine.write_text("mine", encoding="utf-8")
     result = invoke("pattern", "extract", source, *arguments)
     assert result.exit_code == 2

@@ -49,6 +49,7 @@ class NodesThatFly(ExitStack):
             write_run(Path(parameters["out"]), run, namespaces=(f"/{self._name}",), run_id=self._name)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_of_several_runs_one_object_has_the_metrics_by_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -80,6 +80,7 @@ def test_a_link_is_replaced_a_pipe_and_a_device_are_written_to(tmp_path: Path) -
     os.close(reader)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_links_in_a_run_folder_lead_nowhere(tmp_path: Path) -> None:
     own = tmp_path / "own.json"
     own.write_text('{"secret": "1234"}')

@@ -4,9 +4,7 @@
 import re
 from pathlib import Path
 
-import nbformat
 import pytest
-from nbclient import NotebookClient
 
 ROOT = Path(__file__).parents[2]
 
@@ -14,6 +12,9 @@ ROOT = Path(__file__).parents[2]
 @pytest.mark.long
 def test_the_notebook_runs(tmp_path, monkeypatch):
     """The pendulum follows a swing of 2 rad to 1 % of it, and the last cell draws it."""
+    import nbformat
+    from nbclient import NotebookClient
+
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path))
     notebook = nbformat.read(ROOT / "examples" / "quick_start.ipynb", as_version=4)

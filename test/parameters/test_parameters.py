@@ -2,6 +2,7 @@
 """Settings: what is accepted, what is refused and under which name, and what comes back from YAML."""
 
 import math
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,7 +25,7 @@ from skydiver_utc.parameters.nanoseconds import stamp_ns
 from skydiver_utc.parameters.nodes import SETTINGS, resolve, usage
 
 FAST = "fast_turn_unknown_dynamics"
-SCENARIOS = {name: load_scenario(name) for name in scenario_names()}
+shipped = cache(load_scenario)
 
 
 def refused(overrides, name=FAST):
@@ -37,19 +38,19 @@ def refused(overrides, name=FAST):
 
 
 def test_files_with_an_underscore_are_no_scenarios():
-    assert FAST in SCENARIOS
-    assert not any(name.startswith("_") for name in SCENARIOS)
+    assert FAST in scenario_names()
+    assert not any(name.startswith("_") for name in scenario_names())
 
 
 def test_a_file_is_laid_over_the_one_that_it_extends():
-    scenario = SCENARIOS["fast_turn_pi_dynamics_rate_coupling"]
+    scenario = shipped("fast_turn_pi_dynamics_rate_coupling")
     assert scenario.controller.kind == "utc"
     assert scenario.controller.horizon_steps == 5
     assert scenario.reference.amplitude_deg_s == 400.0
 
 
 def test_a_scenario_is_frozen_and_replaced_by_checked_copies():
-    scenario = SCENARIOS[FAST]
+    scenario = shipped(FAST)
     with pytest.raises(pydantic.ValidationError):
         scenario.dt_s = 1.0
     with pytest.raises(pydantic.ValidationError):
@@ -66,7 +67,7 @@ def test_an_integer_is_a_number():
 
 
 def test_steps_and_stamps_are_integers():
-    scenario = SCENARIOS[FAST]
+    scenario = shipped(FAST)
     assert (scenario.dt_ns, scenario.steps) == (4_200_000, 4762)
     assert scenario.stamp_ns(1000) - scenario.stamp_ns(0) == 4_200_000_000
     assert scenario.stamp_ns(0) > 0
@@ -98,9 +99,9 @@ def test_limits_are_bounds_in_the_order_of_the_controls():
         ({"plant.hands.K_N": math.nan}, ["plant.hands.K_N", "finite"]),
         ({"plant.hands.K_N": math.inf}, ["plant.hands.K_N", "finite"]),
         ({"plant.hands.K_N": "nan"}, ["plant.hands.K_N", "number", "'nan'"]),
-        ({"plant.hands.K_N": True}, ["plant.hands.K_N"]),
+        *(({"plant.hands.K_N": value}, ["plant.hands.K_N"]) for value in (True, None, {"a": 1})),
         ({"plant.limbs.reaction": "no"}, ["plant.limbs.reaction", "true or false", "'no'"]),
-        ({"dt_s": -0.0042}, ["dt_s", "-0.0042"]),
+        *(({"dt_s": value}, ["dt_s", str(value)]) for value in (-0.0042, 0, 2)),
         ({"dt_s": 0.00420000001}, ["dt_s", "nanoseconds"]),
         ({"duration_s": 0.001}, ["duration_s"]),
         ({"plant.limits.alpha": [1.5, -1.5]}, ["alpha", "upside down"]),
@@ -136,12 +137,6 @@ def test_a_wrong_value_is_named(overrides, words):
         assert word in message
 
 
-def test_all_wrong_fields_are_named_at_once():
-    message = refused({"plant.hands.K_N": "fifty", "controller.kindness": 1, "dt_s": 0, "namee": "a"})
-    for name in ("plant.hands.K_N", "controller.kindness", "dt_s", "namee"):
-        assert name in message
-
-
 def test_an_unknown_scenario_is_named_with_a_near_one():
     assert "did you mean fast_turn_unknown_dynamics" in refused({}, "fast_turn_unknown_dynamic")
     assert "nowhere.yaml" in refused({}, "nowhere.yaml")
@@ -166,33 +161,21 @@ def test_a_wrong_file_is_named(tmp_path, text, words):
         assert word in message
 
 
-def test_an_exponent_without_a_point_is_a_number(tmp_path):
-    path = tmp_path / "flight.yaml"
-    text = to_yaml(SCENARIOS[FAST]).replace("duration_s: 20.0", "duration_s: 2e1")
-    assert "2e1" in text
-    path.write_text(text)
-    assert load_scenario(str(path)) == SCENARIOS[FAST]
-
-
 def test_a_block_with_a_name_replaces_that_of_its_kind_s_defaults(tmp_path):
     """A resolved layout, whose pattern has other joints than the turn that is the default."""
     path = tmp_path / "flight.yaml"
-    path.write_text(to_yaml(SCENARIOS["front_layout"]))
-    assert load_scenario(str(path)) == SCENARIOS["front_layout"]
+    path.write_text(to_yaml(shipped("front_layout")))
+    assert load_scenario(str(path)) == shipped("front_layout")
     components = {"left_hip": [1.0, 0.0, 0.0]}
     pattern = load_scenario(FAST, {"plant.pattern.components": components}).plant.pattern
     assert pattern.components == {"left_hip": (1.0, 0.0, 0.0)}
-    assert (
-        load_scenario(
-            FAST, {"plant.subject": "heavy", "plant.subject.suit": "standard"}
-        ).plant.subject.suit.name
-        == "standard"
-    )
+    other = load_scenario(FAST, {"plant.subject": "heavy", "plant.subject.suit": "standard"})
+    assert other.plant.subject.suit.name == "standard"
 
 
 def test_a_scenario_picks_its_skydiver_and_keeps_what_it_sets_itself():
     """The file's choice, the choice of an override, and a file of one's own over what every skydiver has."""
-    assert SCENARIOS[FAST].plant.hands.K_N == 100.0
+    assert shipped(FAST).plant.hands.K_N == 100.0
     athlete = load_scenario(FAST, {"plant.skydiver": "athlete"}).plant
     assert athlete == load_scenario("fast_turn_beyond_the_paper").plant
     layout, other = (
@@ -212,10 +195,10 @@ def test_a_skydiver_may_be_a_file(tmp_path):
 
 def test_another_skydiver_is_refused_where_one_is_written_out(tmp_path):
     path = tmp_path / "flight.yaml"
-    path.write_text(to_yaml(SCENARIOS[FAST]))
+    path.write_text(to_yaml(shipped(FAST)))
     assert "written out" in refused({"plant.skydiver": "athlete"}, str(path))
     with pytest.raises(ParameterError, match=r"plant\.skydiver"):
-        override(SCENARIOS[FAST], {"plant.skydiver": "athlete"})
+        override(shipped(FAST), {"plant.skydiver": "athlete"})
 
 
 def test_a_setting_of_a_control_with_a_dot_in_its_name_is_found():
@@ -226,16 +209,16 @@ def test_a_setting_of_a_control_with_a_dot_in_its_name_is_found():
     assert dict(scenario.controller.Pu) == {"arm.force": 0.2}
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize("name", scenario_names())
 def test_a_scenario_comes_back_from_its_yaml_and_takes_its_own_leaves(name):
-    scenario = SCENARIOS[name]
+    scenario = shipped(name)
     assert from_yaml(to_yaml(scenario)) == scenario
     assert override(scenario, {leaf.name: leaf.value for leaf in leaves(scenario)}) == scenario
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize("name", scenario_names())
 def test_every_number_has_a_description_and_a_unit_and_prose_is_no_leaf(name):
-    found = leaves(SCENARIOS[name])
+    found = leaves(shipped(name))
     for leaf in found:
         if leaf.kind in ("float", "int"):
             assert leaf.description, leaf.name
@@ -251,14 +234,11 @@ def test_every_number_has_a_description_and_a_unit_and_prose_is_no_leaf(name):
 
 
 def test_utc_has_the_paper_s_numbers():
-    found, settings = SCENARIOS[FAST].controller, paper_utc.Settings(dt=0.0042)
+    found, settings = shipped(FAST).controller, paper_utc.Settings(dt=0.0042)
     np.testing.assert_array_equal(list(found.Pu.values()), paper_utc.VARIANCES)
     coupling = found.coupling
-    assert (coupling.k_right, coupling.k_left, coupling.alpha) == (
-        paper_utc.Q12,
-        paper_utc.Q13,
-        paper_utc.Q14,
-    )
+    of_paper = (paper_utc.Q12, paper_utc.Q13, paper_utc.Q14)
+    assert (coupling.k_right, coupling.k_left, coupling.alpha) == of_paper
     assert (found.P_err, found.horizon_steps, found.W0) == (settings.P_err, settings.N, 0.25)
 
 

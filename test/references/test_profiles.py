@@ -176,9 +176,10 @@ def test_a_period_of_less_than_ten_steps_is_refused(fast):
 
 
 def test_a_skydiver_and_a_plant_of_one_s_own_take_the_same_line():
-    for name, output in (("slow_turn_pose_only", "yaw_rate"), (str(PENDULUM), "angle")):
+    for name, output, law in (("slow_turn_pose_only", "yaw_rate", "pose"), (str(PENDULUM), "angle", "lqr")):
         line = {"kind": "doublet", "output": output, "amplitude": 0.2, "hold_s": 0.05, "rise_s": 0.01}
-        run = simulate(load_scenario(name, {"reference": line, "duration_s": 0.2}))
+        changes = {"reference": line, "controller": {"kind": law}, "duration_s": 0.2}
+        run = simulate(load_scenario(name, changes))
         assert run.tracked_names == (output,)
         assert np.abs(run.reference).max() == pytest.approx(0.2)
         assert run.outcome.value == "completed"

@@ -19,6 +19,7 @@ from recorded import Bag
 
 from skydiver_utc.cli.node_processes import NODE_CODE, PACKAGE_FOLDER
 from skydiver_utc.loop.closed_loop import simulate
+from skydiver_utc.nodes import topics
 from skydiver_utc.recording.metadata import message_count
 from skydiver_utc.recording.recovery import recover
 
@@ -83,7 +84,10 @@ def test_ctrl_c_leaves_a_recording_that_can_be_analysed(command: Command, tmp_pa
     assert message_count(folder) > 100
     assert f"skydiver-utc analyse {folder}" in stderr
     assert "Traceback" not in stderr
-    assert Bag(folder).outcome()["outcome"] == "aborted"
+    bag = Bag(folder)
+    assert bag.outcome()["outcome"] == "aborted"
+    steps = bag.steps(topics.STATE)
+    assert steps == list(range(max(20, len(steps))))
     assert invoke("analyse", folder).exit_code == 0
 
 
