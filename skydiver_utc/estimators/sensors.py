@@ -66,11 +66,11 @@ class _Sensor:
     def reset(self) -> None:
         self._rng = np.random.default_rng(self._seed)
         self._bias = self._sensor.bias.copy()
-        self._taken, self._under_way = 0, deque[Reading]()
+        self._taken, self._due, self._under_way = 0, 0.0, deque[Reading]()
 
     def read(self, k: int, state: Array | None = None, control: Array | None = None) -> list[Reading]:
-        settings = self._sensor.settings
-        if k >= self._taken / (settings.rate_Hz * self._dt_s) - 1e-6:
+        if k >= self._due:
+            settings = self._sensor.settings
             noise, walk = self._rng.standard_normal((2, self._sensor.size))
             lost = self._rng.random() < settings.loss
             values = np.full(self._sensor.size, np.nan)
@@ -79,6 +79,7 @@ class _Sensor:
             values += self._bias + settings.noise * noise
             self._bias += self._walk * walk
             self._taken += 1
+            self._due = self._taken / (settings.rate_Hz * self._dt_s) - 1e-6
             if not lost:
                 self._under_way.append(Reading(self._index, k, values))
         arrived = []

@@ -131,13 +131,14 @@ class UnscentedKalmanFilter(Estimator):
             new.add((reading.sensor, reading.step))
             oldest = min(oldest, reading.step)
         self.telemetry[:] = np.nan
-        row, last, self._k = oldest % length, self._k, oldest
-        self._at.mean[:], self._at.P[:] = self._means[row], self._covariances[row]
-        self._take_in(new)
-        while self._k < last:
-            self._k += 1
-            self._step(self._controls[self._k % length])
+        if new:
+            row, last, self._k = oldest % length, self._k, oldest
+            self._at.mean[:], self._at.P[:] = self._means[row], self._covariances[row]
             self._take_in(new)
+            while self._k < last:
+                self._k += 1
+                self._step(self._controls[self._k % length])
+                self._take_in(new)
         n, e = len(self._at.mean), len(self._at.P)
         self.telemetry[:n] = self._at.mean
         self.telemetry[n : n + e] = np.sqrt(np.maximum(self._at.P.diagonal(), 0.0))

@@ -33,7 +33,7 @@ def simulate(
     steps, m, width = scenario.steps, len(plant.control_names), controller.preview_steps + 1
     profile = np.ascontiguousarray(reference.preview(0, steps + width), dtype=float)
     states = np.empty((steps + 1, len(plant_steps.state)))
-    commands, applied = np.empty((steps, m)), np.empty((steps, m))
+    commands, applied = np.empty((steps, m)), np.empty((steps, len(plant_steps.applied)))
     telemetry = np.empty((steps, len(decider.telemetry_names)))
     solve_time_s, status = np.empty(steps), np.empty(steps)
     disturbance = plant_steps.disturbance
@@ -53,7 +53,7 @@ def simulate(
         if disturbance.names:
             acted[k] = disturbance.acted(k, states[k])
         goes_on = plant_steps.step(decision.control)
-        applied[k] = plant_steps.control
+        applied[k] = plant_steps.applied
         decider.predict()
         states[k + 1] = plant_steps.state
         if not goes_on:
@@ -70,7 +70,7 @@ def simulate(
         plant=plant,
         states=states[: flown + 1],
         commands=commands[:flown],
-        applied=applied[:flown],
+        applied=applied[:flown, :m],
         reference=profile[: flown + 1],
         tracked_names=reference.outputs,
         amplitude=reference.amplitude,
