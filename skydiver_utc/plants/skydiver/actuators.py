@@ -34,8 +34,8 @@ def advanced(state: Array, before: Array, command: Array, numbers: Advance, out:
     p = contents(numbers)
     after = out[13:]
     actuated(command, before, p.limits, p.limbs, p.reaction, after)
-    p.control[:5] = after
-    p.control[5:] = before
+    for i in range(5):
+        p.control[i], p.control[5 + i] = after[i], before[i]
     call(p.step, (state, p.control if p.reaction else p.control[:4], p.model, out[:13]))
 
 

@@ -24,7 +24,8 @@ def reduced(state: Array) -> Array:
     """The eight states (8,) of a state (13,)."""
     z = np.empty(8)
     z[0], z[1], _ = up_of_quaternion(state[3], state[4], state[5], state[6])
-    z[2:5], z[5:8] = state[10:13], state[7:10]
+    for axis in range(3):
+        z[2 + axis], z[5 + axis] = state[10 + axis], state[7 + axis]
     return z
 
 
