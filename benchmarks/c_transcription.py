@@ -11,15 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
 from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plants.skydiver.model import PlantModel
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 
-Array = NDArray[np.float64]
 Address = ctypes.c_void_p
 
 SOURCE = Path(__file__).parent / "c" / "utc_step.c"

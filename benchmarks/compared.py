@@ -19,13 +19,13 @@ from textbook_plants import PLANTS, TextbookPlant
 from textbook_tasks import TASKS, Task, reference
 from timing import machine
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.linear_quadratic import LinearQuadraticController
 from skydiver_utc.controllers.protocol import Controller
 from skydiver_utc.controllers.settings import GaussNewtonSettings, LqrSettings
 from skydiver_utc.controllers.utc.settings import UtcSettings
 from skydiver_utc.controllers.utc.unscented_transform_controller import UnscentedTransformController
 
-Array = np.ndarray
 Values = dict[str, float]
 
 FLIGHTS, SEED, FACTOR = 16, 1, 30.0

@@ -15,11 +15,11 @@ import click
 import numpy as np
 from bare_nodes import Loop
 from flights import BAG, SCENARIO, bare, fly
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 from timing import machine
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import Scenario, load_scenario
 from skydiver_utc.parameters.nodes import ReferenceNodeSettings
@@ -34,8 +34,8 @@ _STATE, _TELEMETRY = "/skydiver/state", "/skydiver/controller/telemetry"
 class Turn(NamedTuple):
     """One loop from its first state to its last."""
 
-    steps_s: NDArray[np.float64]
-    solves_s: NDArray[np.float64]
+    steps_s: Array
+    solves_s: Array
 
     @property
     def rate_hz(self) -> float:

@@ -12,14 +12,13 @@ from pathlib import Path
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.estimators.unscented_kalman_filter import UnscentedKalmanFilter
 from skydiver_utc.plants.function import FunctionPlant
 
-Array = NDArray[np.float64]
 DT_S, STEPS = 0.02, 250
 INITIAL, WALK, NOISE = (0.2, 0.4), (0.02, 0.3), 0.05
 

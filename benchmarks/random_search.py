@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-Array = np.ndarray
+from skydiver_utc.arrays import Array
 
 
 def random_search(

@@ -9,13 +9,11 @@ speeding up is looked at: slowing down is easier, the damping helps.
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plants.skydiver.model import build_model
 from skydiver_utc.plants.skydiver.steady import HeldBody, straight_falls
-
-Array = NDArray[np.float64]
 
 _YAW = 2  # of the body rates (3,)
 _UP = np.array([0.0, 0.0, 1.0])  # any: no moment depends on it

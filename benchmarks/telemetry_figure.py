@@ -26,6 +26,7 @@ from skydiver_utc.analysis.style import (
     house_style,
     short,
 )
+from skydiver_utc.arrays import Array
 from skydiver_utc.loop.run import Run
 
 # Both hands have nearly the same: the dashes lie over the other line.
@@ -126,5 +127,5 @@ def _draw_legends(figure: Figure, rate: Axes, deviations: Axes) -> None:
     )  # fmt: skip
 
 
-def _named(run: Run, name: str) -> NDArray[np.float64]:
+def _named(run: Run, name: str) -> Array:
     return run.telemetry[:, run.telemetry_names.index(name)]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from textbook_plants import TextbookPlant
 
-Array = np.ndarray
+from skydiver_utc.arrays import Array
 
 # From 0 to 1 with three derivatives of zero.
 _SMOOTH = np.polynomial.Polynomial([0, 0, 0, 0, 35, -84, 70, -20])

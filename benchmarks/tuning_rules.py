@@ -7,11 +7,10 @@
 from math import factorial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc import UnscentedTransformController
+from skydiver_utc.arrays import Array
 
-Array = NDArray[np.float64]
 DT = 0.02
 ORDERS = (1, 2, 3, 4, 5)
 RATIOS = (0.01, 0.1, 1.0, 10.0)

@@ -10,12 +10,10 @@ its table, whose cubics are off by up to 5e-7 between the nodes (`test_casadi_mo
 import casadi as ca
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, INERTIA_AT, SEGMENT_COUNT, PlantModel
 from skydiver_utc.rotations import up_components
-
-Array = NDArray[np.float64]
 
 STATES = 10
 _DEGREE = 16

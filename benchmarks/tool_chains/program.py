@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.horizon import Horizon, HorizonCost, cost_of
 from skydiver_utc.controllers.settings import GaussNewtonSettings
 from skydiver_utc.parameters import ParameterError, Scenario
@@ -21,8 +21,6 @@ from skydiver_utc.plants.protocol import Plant
 from skydiver_utc.plants.skydiver.model import PlantModel
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 from skydiver_utc.references.protocol import Reference
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
