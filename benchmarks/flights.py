@@ -36,14 +36,19 @@ def fly(scenario: Scenario, mode: str, folder: Path) -> dict[str, Any]:
         nodes.start(CONTROLLER, common | {"mode": mode})
         nodes.start(REFERENCE, common)
         nodes.start(PLANT, common | {"mode": mode, "progress": True})
-        report: dict[str, Any] = {}
-        while not nodes.ended(PLANT):
-            for line in nodes.reports():
-                report = line
-        nodes.end()
-        if "outcome" not in report:
-            said = "".join(f"\n{kind}:{nodes.last_lines(kind)}" for kind in nodes.pids())
-            raise RuntimeError(f"the flight has no outcome; the nodes said{said}")
+        return outcome_of(nodes)
+
+
+def outcome_of(nodes: NodeProcesses) -> dict[str, Any]:
+    """What the plant reported last, once plant and recorder have ended."""
+    report: dict[str, Any] = {}
+    while not nodes.ended(PLANT):
+        for line in nodes.reports():
+            report = line
+    if "outcome" not in report:
+        said = "".join(f"\n{kind}:{nodes.last_lines(kind)}" for kind in nodes.pids())
+        raise RuntimeError(f"the flight has no outcome; the nodes said{said}")
+    nodes.exit_code(RECORDER)
     return report
 
 

@@ -2,30 +2,33 @@
 """Fly over two machines with a network between them that delays and loses: ``make network``.
 
 Plant and recorder are on one machine, controller and reference on the other (`machines.py`), the estimator of a
-scenario that has one on either. In lockstep the flight
-must be the simulated one bit for bit, whatever the link does; in real time every step must be accounted for and the
-skydiver stay belly to earth.
+scenario that has one on either. In lockstep the flight must be the simulated one bit for bit, whatever the link does;
+in real time every step must be accounted for and the skydiver stay belly to earth.
 """
 
-import json
 import math
 import os
-import signal
-import subprocess
-import sys
 import tempfile
-import time
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import click
+from flights import outcome_of
 from machines import ADDRESSES, Conditions, Machine, two_machines, why_not
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.analysis.recorded_run import read_run
-from skydiver_utc.cli.node_processes import NODE_CODE, PACKAGE_FOLDER
+from skydiver_utc.cli.node_processes import (
+    CONTROLLER,
+    ESTIMATOR,
+    PLANT,
+    RECORDER,
+    REFERENCE,
+    NodeProcesses,
+    Parameters,
+)
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import load_scenario
@@ -41,86 +44,35 @@ CONDITIONS = (
     Conditions(5.0, 1.0, 0.02),
     Conditions(20.0, 5.0, 0.05),
 )
-_SERVERS = ("controller", "reference")
-_GRACE_S = 30.0
 
 
-class TwoMachines:
-    """The nodes of one run on two machines; `folder` gets their logs and the bag."""
-
-    def __init__(
-        self,
-        machines: tuple[Machine, Machine],
-        folder: Path,
-        mode: str,
-        duration_s: float,
-        discovery: Mapping[str, str] = MULTICAST,
-        controller: Mapping[str, object] = {},
-        plant: Mapping[str, object] = {},
-        scenario: str = SCENARIO,
-        estimator_at: str = "plant",
-    ) -> None:
-        plants, controllers = machines
-        self.folder = folder
-        self._environment = {**os.environ, **discovery, "ROS_DOMAIN_ID": "1", "ROS_LOG_DIR": str(folder)}
-        self._environment["PYTHONPATH"] = PACKAGE_FOLDER
-        common = {"scenario": scenario, "duration_s": duration_s}
-        waiting = {**common, "wait_for_recorder": True}
-        places = {
-            "recorder": (plants, {**common, "out": folder / "bag"}),
-            "controller": (controllers, {**waiting, "mode": mode, **controller}),
-            "reference": (controllers, common),
-            "plant": (plants, {**waiting, "mode": mode, "progress": True, **plant}),
-        }
-        if load_scenario(scenario).has_estimator:
-            beside, _ = places[estimator_at]
-            places["estimator"] = (beside, {**waiting, "mode": mode})
-        self._processes = {kind: self._start(kind, *place) for kind, place in places.items()}
-
-    def _start(
-        self, kind: str, machine: Machine, parameters: Mapping[str, object]
-    ) -> "subprocess.Popen[bytes]":
-        command = [sys.executable, "-c", NODE_CODE.format(kind=kind), "--ros-args"]
-        for name, value in parameters.items():
-            command += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
-        with (self.folder / f"{kind}.log").open("w") as log:
-            return subprocess.Popen(
-                machine.command(command),
-                env=self._environment,
-                cwd=self.folder,
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-            )
-
-    def log(self, kind: str) -> str:
-        """What a node has printed."""
-        return (self.folder / f"{kind}.log").read_text(encoding="utf-8")
-
-    def outcome(self, patience_s: float) -> dict[str, Any]:
-        """What the plant tells in the end."""
-        try:
-            self._processes["plant"].wait(patience_s)
-            self._processes["recorder"].wait(_GRACE_S)
-        except subprocess.TimeoutExpired as error:
-            raise RuntimeError(f"{error}; the plant printed:\n{self.log('plant')}") from None
-        lines = [line for line in self.log("plant").splitlines() if line.startswith("{")]
-        if not lines:
-            raise RuntimeError(f"the plant reported no outcome; it printed:\n{self.log('plant')}")
-        return dict(json.loads(lines[-1]))
-
-    def end(self) -> None:
-        """End every node that still runs."""
-        for process in self._processes.values():
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
-        deadline = time.monotonic() + _GRACE_S
-        for process in self._processes.values():
-            try:
-                process.wait(max(0.0, deadline - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+def fly_over(
+    machines: tuple[Machine, Machine],
+    folder: Path,
+    mode: str,
+    duration_s: float,
+    discovery: Mapping[str, str] = MULTICAST,
+    delay_steps: int = 0,
+    scenario: str = SCENARIO,
+    estimator_at: str = PLANT,
+) -> dict[str, Any]:
+    """One flight on two machines, what the plant reported last; `folder` gets the nodes' logs and the bag."""
+    plants, controllers = machines
+    environment = {**os.environ, **discovery, "ROS_DOMAIN_ID": "1", "ROS_LOG_DIR": str(folder)}
+    common: Parameters = {"scenario": scenario, "duration_s": duration_s}
+    waiting: Parameters = {**common, "wait_for_recorder": True, "mode": mode}
+    places: dict[str, tuple[Machine, Parameters]] = {
+        RECORDER: (plants, {**common, "out": str(folder / "bag")}),
+        CONTROLLER: (controllers, {**waiting, "delay_steps": delay_steps}),
+        REFERENCE: (controllers, common),
+        PLANT: (plants, {**waiting, "progress": True}),
+    }
+    if load_scenario(scenario).has_estimator:
+        places[ESTIMATOR] = (places[estimator_at][0], waiting)
+    with NodeProcesses(environment, folder) as nodes:
+        for kind, (machine, parameters) in places.items():
+            nodes.start(kind, parameters, machine.command(()))
+        return outcome_of(nodes)
 
 
 def equals_simulation(flight: Run) -> bool:
@@ -144,11 +96,7 @@ def flight_over(
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="skydiver_utc_network_")))
         machines = stack.enter_context(two_machines(conditions))
-        run = TwoMachines(
-            machines, folder, mode, duration_s, controller={"delay_steps": delay_steps}, **of_run
-        )
-        stack.callback(run.end)
-        reported = run.outcome(600.0 + 2 * duration_s)
+        reported = fly_over(machines, folder, mode, duration_s, delay_steps=delay_steps, **of_run)
         flight = read_run(folder / "bag")
     error = metrics(flight)["rmse_deg_s"] if mode == "real_time" else math.nan
     rate = (reported["states"] - 1) / reported["wall_time_s"]

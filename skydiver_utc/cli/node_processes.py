@@ -68,9 +68,12 @@ class NodeProcesses:
     def __exit__(self, *_: object) -> None:
         self.end()
 
-    def start(self, kind: str, parameters: Mapping[str, Value]) -> None:
-        """Start ``<kind>_node`` with these ROS parameters; the plant's JSON lines on stdout go to `reports`."""
-        command = [*_ended_with_parent(), sys.executable, "-c", NODE_CODE.format(kind=kind)]
+    def start(self, kind: str, parameters: Mapping[str, Value], prefix: Sequence[str] = ()) -> None:
+        """Start ``<kind>_node`` with these ROS parameters; the plant's JSON lines on stdout go to `reports`.
+
+        `prefix`: the begin of the command line, for a node in another namespace of the system.
+        """
+        command = [*prefix, *_ended_with_parent(), sys.executable, "-c", NODE_CODE.format(kind=kind)]
         command += ["--ros-args", *self._remapping]
         for name, value in parameters.items():
             command += ["-p", f"{name}:={json.dumps(value)}"]
