@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The result of one step of the controller."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,17 +72,14 @@ class UtcResult:
 
     @property
     def limited(self) -> tuple[str, ...]:
-        """In words, which controls ended on a bound or at their largest change."""
-        minimum, maximum, slew = self.limits
+        """In words, which controls, but for frozen ones, ended on a bound or at their largest change."""
         found = []
-        for j, value in enumerate(self.control):
-            if minimum[j] == maximum[j]:
-                continue  # frozen by the user
-            if value in (minimum[j], maximum[j]):
-                found.append(
-                    f"control {j} is on its {'minimum' if value == minimum[j] else 'maximum'} {value:g}"
-                )
-            elif value in (self.before[j] - slew[j], self.before[j] + slew[j]):
+        for j, (value, before, low, high, change) in enumerate(
+            zip(self.control, self.before, *self.limits, strict=True)
+        ):
+            if low < high and value in (low, high):
+                found.append(f"control {j} is on its {'minimum' if value == low else 'maximum'} {value:g}")
+            elif low < high and value in (before - change, before + change):
                 found.append(f"control {j} is held by its rate limit")
         return tuple(found)
 
@@ -93,7 +91,7 @@ class UtcResult:
                 return "The previous control was kept: state or reference is not finite."
             reason = self._diverged if self.lost == len(self.sigma_points) else "the update is not finite"
             return f"The previous control was kept: {reason}; the next step begins from the initial Pu."
-        parts = [*self._advice, *self._repairs, *self.limited, *self._unseen]
+        parts = list(self._remarks())
         if self.status is Status.SOLVED and not parts:
             return f"Solved; {self._distance}."
         name = str(self.status).replace("_", " ").capitalize()
@@ -117,40 +115,29 @@ class UtcResult:
             text += f"; the output of the control itself is {apart[worst]:.3g} from the mean of the points"
         return text
 
-    @property
-    def _advice(self) -> list[str]:
-        """Why the reference is not reached."""
+    def _remarks(self) -> Iterator[str]:
+        """Why the reference is not reached, what was repaired, where controls end, and which Pu grows."""
         if self.status is Status.NO_EFFECT:
-            return [
+            yield (
                 f"no control moves {' or '.join(self.unmoved)} inside the horizon by what P_err lets count; take a"
                 " longer horizon, a smaller P_err, or another output"
-            ]
+            )
         if self.status is Status.NOT_REACHED:
-            return ["the predicted output has long been far from the reference, and hardly comes nearer"]
-        return []
-
-    @property
-    def _repairs(self) -> list[str]:
-        parts = []
+            yield "the predicted output has long been far from the reference, and hardly comes nearer"
         if self.lost:
             nearer = f", and the next are drawn at {self.spread:.3g} of their distance" * (self.spread < 1.0)
-            parts.append(f"{self._diverged} and were left out{nearer}")
+            yield f"{self._diverged} and were left out{nearer}"
         if self.repaired > 0.0 and self.status is Status.REPAIRED:
-            parts.append(f"eigenvalues of Pu were lifted by {self.repaired:.3g} in all")
+            yield f"eigenvalues of Pu were lifted by {self.repaired:.3g} in all"
         if self.recovery is Recovery.ABOUT_CENTRE:
-            parts.append(
-                "W0 made the covariance of the outputs indefinite, so it was taken about the central point"
-            )
+            yield "W0 made the covariance of the outputs indefinite, so it was taken about the central point"
         if self.recovery is Recovery.OUTPUTS_REPAIRED:
-            parts.append(
+            yield (
                 "rounding made the covariance of the outputs indefinite, so its smallest eigenvalues were lifted"
             )
-        return parts
-
-    @property
-    def _unseen(self) -> list[str]:
-        if not self.grown:
-            return []
-        return [
-            f"Pu of {' and '.join(self.grown)} has grown too large: set forgetting_factor or nominal, or a smaller Qu"
-        ]
+        yield from self.limited
+        if self.grown:
+            yield (
+                f"Pu of {' and '.join(self.grown)} has grown too large: set forgetting_factor or nominal, or a"
+                " smaller Qu"
+            )
