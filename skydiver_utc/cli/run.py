@@ -129,19 +129,16 @@ class _NodesOfRun:
     def raise_failure(self, others: Sequence[PlannedRun]) -> None:
         """Raise the failure of a node, with its last lines; `others` were stopped by it."""
         name, place, nodes = self.planned.name, recording_state(self.planned.folder), self.nodes
-        if failed := self.failed:
+        failed = self.failed or (RECORDER if nodes.failed() == RECORDER else None)
+        if failed is None:
+            return
+        sentence = (
+            f"the run {name} reached its end, but its recorder failed ({nodes.ending(failed)}): {place}"
+        )
+        if self.failed:
             places = [place, *(f"of {other.name}: {recording_state(other.folder)}" for other in others)]
-            raise CommandError(
-                f"the {failed} node of {name} failed ({nodes.ending(failed)}), {'; '.join(places)}"
-                + _indented(nodes.last_lines(failed)),
-                FAILED,
-            )
-        if nodes.failed() == RECORDER:
-            raise CommandError(
-                f"the run {name} reached its end, but its recorder failed ({nodes.ending(RECORDER)}): {place}"
-                + _indented(nodes.last_lines(RECORDER)),
-                FAILED,
-            )
+            sentence = f"the {failed} node of {name} failed ({nodes.ending(failed)}), {'; '.join(places)}"
+        raise CommandError("\n    ".join([sentence, *nodes.last_lines(failed)]), FAILED)
 
 
 def _run(
@@ -188,10 +185,6 @@ def recording_state(folder: Path) -> str:
     if any(folder.glob("*.mcap")):
         return f"the recording is unfinished, `skydiver-utc recover {folder}` completes it"
     return "nothing was recorded"
-
-
-def _indented(lines: Sequence[str]) -> str:
-    return "".join(f"\n    {line}" for line in lines)
 
 
 def _analyse(planned: Sequence[PlannedRun], as_json: bool) -> int:
