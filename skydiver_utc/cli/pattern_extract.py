@@ -93,11 +93,9 @@ def extract(
     )
     if mean is not None:
         write(posture, mean)
-    if out is not None:
+    if out is not None or not as_json:
         write(pattern, out)
-    if out is None and not as_json:
-        write(pattern, None)
-    else:
+    if out is not None or as_json:
         show_values({"postures": len(angles), "components": rows}, as_json, "direction")
 
 
