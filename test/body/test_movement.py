@@ -3,12 +3,12 @@
 
 import numpy as np
 import pytest
+from refusals import assert_refused
 from skydivers import skydiver
 
 from skydiver_utc.body.movement import movement
 from skydiver_utc.body.posture import joint_ranges, posture_angles
 from skydiver_utc.body.segments import build_body
-from skydiver_utc.parameters import ParameterError
 from skydiver_utc.plants.skydiver.dynamics import posture_geometry
 from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, build_model, posture_row
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
@@ -64,12 +64,6 @@ def plant(**settings):
     return SkydiverPlant(scenario.plant, scenario.dt_s)
 
 
-def refused(**settings):
-    with pytest.raises(ParameterError) as caught:
-        plant(**settings)
-    return str(caught.value)
-
-
 BENT = {"name": "bent", "joint_angles_deg": {"left_knee": [170.0, 0.0, 0.0]}}
 
 
@@ -90,7 +84,7 @@ BENT = {"name": "bent", "joint_angles_deg": {"left_knee": [170.0, 0.0, 0.0]}}
     ],
 )
 def test_what_makes_no_path_is_refused(settings, words):
-    assert words in refused(**settings)
+    assert_refused(words, plant, **settings)
 
 
 def spike(at, width):
@@ -104,9 +98,9 @@ def spike(at, width):
     ("nodes", "keyframes"), [(9, None), (17, None), (65, spike(1.02, 0.01)), (65, spike(0.4, 0.02))]
 )
 def test_a_table_too_coarse_for_its_path_is_refused(nodes, keyframes):
-    message = refused(pattern_nodes=nodes, **({"pattern__keyframes": keyframes} if keyframes else {}))
-    assert f"plant.pattern_nodes = {nodes} is too few for pattern layout" in message
-    assert "raise plant.pattern_nodes" in message
+    words = (f"plant.pattern_nodes = {nodes} is too few for pattern layout", "raise plant.pattern_nodes")
+    of_path = {"pattern__keyframes": keyframes} if keyframes else {}
+    assert_refused(words, plant, pattern_nodes=nodes, **of_path)
 
 
 @pytest.mark.parametrize("nodes", [9, 33, 65, 257])

@@ -16,12 +16,12 @@ from skydiver_utc.parameters import ParameterError, load_scenario, override
 STILL = np.array([0.5, -1.0])
 
 
-def arrived(steps=1000, seed=7, plant=None, **sensors):
+def arrived(steps=1000, seed=7, **sensors):
     """All readings, each with the step at which it arrives."""
     settings = {
         name: SensorSettings.model_validate({"rate_Hz": 50.0} | given) for name, given in sensors.items()
     }
-    tested = Sensors(settings, plant or pendulum(), DT_S, seed)
+    tested = Sensors(settings, pendulum(), DT_S, seed)
     return [(k, found) for k in range(steps) for found in tested.read(k, STILL, STILL, np.zeros(1))]
 
 

@@ -14,12 +14,12 @@ from skydiver_utc.parameters import ParameterError, load_scenario, override
 from skydiver_utc.plants.linear import LinearPlant
 
 
-def measured_swing(steps=150, noise=0.05, seed=0):
+def measured_swing(steps=150):
     """Torques (K, 1) and angles (K,) of the pendulum, with noise."""
-    rng, x = np.random.default_rng(seed), np.array([0.7, 0.0])
+    rng, x = np.random.default_rng(0), np.array([0.7, 0.0])
     torques, angles = 2.0 * np.sin(0.1 * np.arange(steps))[:, None], np.empty(steps)
     for k in range(steps):
-        angles[k] = x[0] + noise * rng.standard_normal()
+        angles[k] = x[0] + 0.05 * rng.standard_normal()
         x = swing(x, torques[k], DT_S)
         x[1] += 0.3 * np.sqrt(DT_S) * rng.standard_normal()
     return torques, angles

@@ -110,6 +110,7 @@ def flown(plant, state, control, steps):
     return state
 
 
+@pytest.mark.long
 def test_the_pendulum_against_scipy(load):
     plant = build_plant(load("pendulum"))
 
@@ -120,6 +121,7 @@ def test_the_pendulum_against_scipy(load):
     np.testing.assert_allclose(flown(plant, np.array([0.7, 0.0]), np.array([0.2]), 200), expected, atol=1e-4)
 
 
+@pytest.mark.long
 def test_the_quadrotor_against_scipy(load):
     """Rotation and quaternion from the oracle, in world axes where the plant works in body axes."""
     plant, control = build_plant(load("quadrotor")), np.array([11.0, 0.05, -0.04, 0.03])

@@ -16,6 +16,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from child_processes import PATIENCE_S
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -25,7 +26,6 @@ _ARGUMENTS = (
     "--enable-unsafe-swiftshader",  # WebGL without a graphics card
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE localhost, EXCLUDE 127.0.0.1",
 )
-PATIENCE_S = 150.0  # of every wait: the machine may be shared
 _OF_THIS_MACHINE = ("localhost", "127.0.0.1")
 _WITHOUT_HOST = ("file", "data", "blob", "about")
 
@@ -56,7 +56,7 @@ OpenPage = Callable[..., OpenedPage]
 
 @pytest.fixture(scope="module")
 def open_page() -> Iterator[OpenPage]:
-    """open_page(target, width=1280, height=900, dark=False): a file or an address, loaded."""
+    """open_page(target, width=1280, height=900): a file or an address, loaded."""
     playwright = pytest.importorskip("playwright.sync_api")
     if _CHROMIUM is None:
         pytest.skip("there is no Chromium: apt-get install chromium")
@@ -65,9 +65,8 @@ def open_page() -> Iterator[OpenPage]:
         browser = driver.chromium.launch(executable_path=_CHROMIUM, args=_ARGUMENTS)
         stack.callback(browser.close)
 
-        def show(target: Path | str, width: int = 1280, height: int = 900, dark: bool = False) -> OpenedPage:
-            scheme = "dark" if dark else "light"
-            page = browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
+        def show(target: Path | str, width: int = 1280, height: int = 900) -> OpenedPage:
+            page = browser.new_page(viewport={"width": width, "height": height})
             page.set_default_timeout(1000.0 * PATIENCE_S)
             shown = OpenedPage(page, [], [])
             page.on("console", lambda line: line.type == "error" and shown.errors.append(line.text))

@@ -7,12 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+from child_processes import PATIENCE_S
 from click.testing import CliRunner, Result
 
 from skydiver_utc.cli.main import main
 from skydiver_utc.cli.node_processes import PACKAGE_FOLDER
 
-PATIENCE_S = 150.0
 # Before click 8.2 stderr came mixed into stdout unless asked otherwise.
 _APART = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
 

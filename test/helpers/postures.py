@@ -34,10 +34,10 @@ def direction_of(name: str) -> NDArray[np.float64]:
     return pattern_direction(skydiver_with(pattern=name).pattern).ravel()
 
 
-def csv_of(path: Path, postures: Any, names: Sequence[str] = NAMES, dt: float = 0.01) -> Path:
-    """Postures (n, m) [rad] as a CSV file, every digit kept."""
+def csv_of(path: Path, postures: Any, names: Sequence[str] = NAMES) -> Path:
+    """Postures (n, m) [rad] as a CSV file of 100 Hz, every digit kept."""
     lines = [",".join(["time_s", *names])]
     for k, row in enumerate(np.rad2deg(postures).tolist()):
-        lines.append(",".join(map(repr, [k * dt, *row])))
+        lines.append(",".join(map(repr, [k * 0.01, *row])))
     path.write_text("\n".join(lines), encoding="utf-8")
     return path

@@ -20,6 +20,7 @@ from typing import Any
 
 import pytest
 import rclpy
+from child_processes import PATIENCE_S
 from node_child import fork_node
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
@@ -38,8 +39,6 @@ from skydiver_utc.nodes.topics import NAMESPACE, Topic
 
 pytest_plugins = ("ros_domains",)
 
-# The machine may stand still for seconds: a wait ends when its condition holds, this is only the far end.
-PATIENCE_S = 150.0
 SCENARIO = "fast_turn_unknown_dynamics"
 KINDS: dict[str, Any] = {
     "plant": PlantNode,
@@ -98,9 +97,9 @@ class Ros:
         """A plain node that plays the other side."""
         return self.add(Partner(name, self.context))
 
-    def spin_until(self, condition: Callable[[], object], patience_s: float = PATIENCE_S) -> None:
+    def spin_until(self, condition: Callable[[], object]) -> None:
         """Spin until the condition holds; fail when it does not come true."""
-        deadline = time.monotonic() + patience_s
+        deadline = time.monotonic() + PATIENCE_S
         while not condition():
             assert time.monotonic() < deadline, "the condition did not come true"
             self.executor.spin_once(timeout_sec=0.02)
@@ -285,9 +284,9 @@ class NodeProcess:
         if not self.ended:
             os.kill(self._process.pid or 0, number)
 
-    def wait(self, patience_s: float = PATIENCE_S) -> int:
+    def wait(self) -> int:
         """The exit code; what was printed is shown when it does not come."""
-        deadline = time.monotonic() + patience_s
+        deadline = time.monotonic() + PATIENCE_S
         while (code := self.exit_code) is None:
             assert time.monotonic() < deadline, f"the process did not end; it printed:\n{self.output}"
             time.sleep(0.02)

@@ -68,12 +68,12 @@ def skydiver(
     )
 
 
-def rotation(angle_deg: float = 180.0) -> dict[str, Any]:
-    """A rotation from 1 s to 3 s."""
+def rotation() -> dict[str, Any]:
+    """Half a turn from 1 s to 3 s."""
     return {
         "kind": "rotation",
         "output": "yaw_rate",
-        "angle_deg": angle_deg,
+        "angle_deg": 180.0,
         "start_s": 1.0,
         "duration_s": 2.0,
     }

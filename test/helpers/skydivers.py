@@ -56,9 +56,9 @@ def oracle_constants(scenario):
     )
 
 
-def oracle_derivative(scenario, control, angles=None):
-    """The oracle's derivative of a state (13,) under a control (4,), its posture that of alpha unless given."""
-    posture = oracle_posture(scenario, joint_angles(scenario, control[3]) if angles is None else angles)
+def oracle_derivative(scenario, control):
+    """The oracle's derivative of a state (13,) under a control (4,) in the posture of its alpha."""
+    posture = oracle_posture(scenario, joint_angles(scenario, control[3]))
     constants = oracle_constants(scenario)
     return lambda state: oracle.state_derivative(state, control, posture, constants)
 

@@ -38,28 +38,14 @@ Q12, Q13, Q14 = 0.74, 0.74, 0.56  # first row of Pu at k = 0, without the signs
 # --------------------------------------------------------------------------- posture controller
 
 
-def slew(command: float, previous: float, rate: float, dt: float) -> float:
-    """eq:lim, |du/dt| <= rate: the command moves at most rate * dt away from the previous value."""
-    return float(np.clip(command, previous - rate * dt, previous + rate * dt))
-
-
-def pose_controller(
-    yr_ref: float,
-    yr_real: float,
-    u_previous: float,
-    dt: float,
-    Kp: float = 1.5,
-    KFF: float = 0.1,
-    u_max: float = 1.5,
-    rate: float = SLEW,
-) -> float:
+def pose_controller(yr_ref: float, yr_real: float, u_previous: float, dt: float) -> float:
     """eq:lim: u = 1.5 (yr_ref - yr_real) + 0.1 yr_ref, -1.5 <= u <= 1.5 rad, -3.5 <= du/dt <= 3.5 rad/s.
 
     Magnitude first, then slew rate. As long as u_previous keeps the magnitude limit both orders
     give the same u, since the two intervals then overlap.
     """
-    u = Kp * (yr_ref - yr_real) + KFF * yr_ref
-    return slew(float(np.clip(u, -u_max, u_max)), u_previous, rate, dt)
+    u = np.clip(1.5 * (yr_ref - yr_real) + 0.1 * yr_ref, -1.5, 1.5)
+    return float(np.clip(u, u_previous - SLEW * dt, u_previous + SLEW * dt))
 
 
 # --------------------------------------------------------------------------- covariances and their signs

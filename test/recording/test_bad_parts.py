@@ -34,8 +34,8 @@ def bag(tmp_path: Path) -> Path:
     return write_bag(tmp_path / "whole", ROWS)
 
 
-def texts(path: Path, topic: str = "/a") -> list[str]:
-    return [message.data for message in read_bag(path)[topic].messages]
+def texts(path: Path) -> list[str]:
+    return [message.data for message in read_bag(path)["/a"].messages]
 
 
 @pytest.mark.parametrize("field", ["log_time", "publish_time"])

@@ -4,9 +4,9 @@
 import numpy as np
 import pytest
 from recordings import JOINTS, added, bag_of_postures, named, write_run
+from refusals import assert_refused
 from runs import cart, run_of
 
-from bags import sentence
 from skydiver_utc.body.posture import joint_angle_names
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.joint_angles import read_joint_angles
@@ -91,8 +91,4 @@ HEAD = "time_s,left_knee_flexion,neck_rotation\n"
     ],
 )
 def test_a_fault_in_a_csv_file_is_one_sentence(tmp_path, text, words):
-    with pytest.raises(RecordingError) as caught:
-        read(tmp_path, text)
-    message = sentence(caught)
-    for word in ["measured.csv", *words]:
-        assert word in message
+    assert_refused(["measured.csv", *words], read, tmp_path, text, kind=RecordingError)

@@ -8,15 +8,15 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from child_processes import children
-from command_line import PATIENCE_S, invoke, start
+from child_processes import PATIENCE_S, children, wait_for_end, wait_until
+from command_line import invoke, start
 from matplotlib.image import imread
 from runs import CART
 from scipy.stats import binomtest, spearmanr
@@ -252,17 +252,13 @@ class TestRuns:
 
 def ended(folder: Path, least: int, process: "subprocess.Popen[str]") -> None:
     """Wait until the ledger has this many rows."""
-    until = time.monotonic() + PATIENCE_S
-    while time.monotonic() < until and process.poll() is None:
-        if (folder / "ledger.sqlite").is_file():
-            try:
-                if len(rows(folder)) >= least:
-                    return
-            except sqlite3.OperationalError:  # its table is being made
-                pass
-        time.sleep(0.02)
-    process.kill()
-    raise AssertionError(process.communicate()[1])
+
+    def enough() -> bool:
+        with suppress(sqlite3.OperationalError):  # its table is being made
+            return (folder / "ledger.sqlite").is_file() and len(rows(folder)) >= least
+        return False
+
+    wait_until(enough, process)
 
 
 @pytest.mark.long
@@ -286,10 +282,7 @@ class TestProcesses:
         assert process.returncode == {"worker": 1, "parent": -signal.SIGKILL, "Ctrl-C": 130}[victim]
         if victim == "worker":
             assert "worker" in error
-        until = time.monotonic() + PATIENCE_S
-        while any(Path(f"/proc/{pid}").exists() for pid in workers) and time.monotonic() < until:
-            time.sleep(0.05)
-        assert not any(Path(f"/proc/{pid}").exists() for pid in workers)
+        wait_for_end(workers)
         kept = rows(tmp_path)
         assert 3 <= len(kept) < 200
         path.write_text(path.read_text(encoding="utf-8").replace("runs: 100", "runs: 4"), encoding="utf-8")
@@ -312,9 +305,7 @@ class TestProcesses:
         scheduler = dask("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0")
         worker = None
         try:
-            until = time.monotonic() + PATIENCE_S
-            while not file.is_file() and time.monotonic() < until:
-                time.sleep(0.05)
+            wait_until(file.is_file)
             address = json.loads(file.read_text(encoding="utf-8"))["address"]
             for victim in ("worker", "scheduler"):
                 worker = dask("distributed.cli.dask_worker", "--nthreads", "1", "--no-nanny")

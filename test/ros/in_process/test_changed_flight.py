@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A flight over ROS that its page changes: sliders, ghost, push, gust, pause and reset; the bag has all of it."""
 
-import threading
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from ros_fixtures import PATIENCE_S, Ros, overrides, spinning
+from child_processes import PATIENCE_S, wait_until
+from ros_fixtures import Ros, overrides, spinning
 
 from skydiver_utc.analysis.controller_check import check
 from skydiver_utc.analysis.recorded_run import RecordedRun
@@ -24,16 +23,6 @@ from skydiver_utc.view.ros_flight import RosFlight
 pytest_plugins = ("ros_fixtures",)
 
 
-def wait(condition: Callable[[], object]) -> None:
-    """Until a condition holds that other threads bring about."""
-    never = threading.Event()
-    for _ in range(round(PATIENCE_S / 0.02)):
-        if condition():
-            return
-        never.wait(0.02)
-    raise AssertionError("the condition did not come true")
-
-
 @pytest.mark.long
 def test_sliders_ghost_push_and_gust_reach_the_flight_and_the_bag(ros: Ros, tmp_path: Path) -> None:
     given = overrides(6.0)
@@ -43,7 +32,7 @@ def test_sliders_ghost_push_and_gust_reach_the_flight_and_the_bag(ros: Ros, tmp_
         observed = ObservedRun("skydiver", PATIENCE_S, ros.context)
         observed.pause(True)
         flight = RosFlight(observed)
-        wait(lambda: flight.now().time_s == plant.k * plant.scenario.dt_s)
+        wait_until(lambda: flight.now().time_s == plant.k * plant.scenario.dt_s)
         stands_at = plant.k
 
         # The ghost is where the model goes under the applied command; its spread that of a flight in this process.
@@ -87,8 +76,8 @@ def test_sliders_ghost_push_and_gust_reach_the_flight_and_the_bag(ros: Ros, tmp_
             if not put_back and flight.now().time_s > 4.0:
                 flight.reset()
                 put_back = True
-            wait(lambda: plant.done or flight.now().time_s > flight.history()[-1][0])
-        wait(lambda: recorder.done)
+            wait_until(lambda: plant.done or flight.now().time_s > flight.history()[-1][0])
+        wait_until(lambda: recorder.done)
     ros.remove(controller)
     with spinning(ros), pytest.raises(ParameterError, match="skydiver"):
         flight.change({"controller.P_err": 1e-4})

@@ -69,8 +69,8 @@ class Stage:
         self.ros.spin_until(lambda: len(self.commands) >= count)
         return [self.node.grid.step_of(message.header.stamp) for message in self.commands]
 
-    def control(self, i: int = -1) -> Any:
-        return read_named(self.commands[i], Cart.control_names)
+    def control(self) -> Any:
+        return read_named(self.commands[-1], Cart.control_names)
 
     def decided(self, *steps: int, start: Any = None, gain: float = 3.0) -> Any:
         """What the law itself answers at these steps in a row, the last one."""

@@ -20,13 +20,13 @@ BODY = CART.replace("own_slots:Cart", "own_slots:Body")
 class Vehicle:
     """Publishes its state at its own times until it has to stop; takes commands of a type."""
 
-    def __init__(self, ros: Ros, state: topics.Topic, command: str, *, rate_hz: float = 130.0) -> None:
+    def __init__(self, ros: Ros, state: topics.Topic, command: str) -> None:
         self.sent: list[Any] = []
         self._partner = ros.partner("vehicle")
         self._states = self._partner.publisher(state)
         self._type = state.type
         self.commands = self._partner.receive(topics.COMMAND.of_type(topics.COMMAND_TYPES[command]))
-        self._partner.create_timer(1.0 / rate_hz, self._publish)
+        self._partner.create_timer(1.0 / 130.0, self._publish)
 
     def _publish(self) -> None:
         message = self._type()

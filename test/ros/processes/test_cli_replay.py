@@ -4,7 +4,8 @@
 from pathlib import Path
 
 import pytest
-from command_line import PATIENCE_S, start
+from child_processes import PATIENCE_S
+from command_line import start
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from ros_fixtures import Ros
 from std_msgs.msg import String

@@ -6,14 +6,12 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import own_slots
 import pytest
-from child_processes import children
-from command_line import PATIENCE_S, call, invoke, start
+from child_processes import PATIENCE_S, children, wait_for_end, wait_until
+from command_line import call, invoke, start
 from own_slots import CART, cart_file
 from recorded import Bag
 
@@ -49,7 +47,7 @@ class Command:
         process = self.start("run", *scenarios, "--out", str(folder), "--set", "duration_s=600")
         names = [scenario.partition("=")[0] for scenario in scenarios] if len(scenarios) > 1 else [""]
         files = [folder / name / f"{name or folder.name}_0.mcap" for name in names]
-        wait_for(lambda: all(f.is_file() and f.stat().st_size > 20_000 for f in files), process)
+        wait_until(lambda: all(f.is_file() and f.stat().st_size > 20_000 for f in files), process)
         return process
 
     def node_of(self, process: "subprocess.Popen[str]", kind: str, namespace: str = "") -> int:
@@ -60,14 +58,6 @@ class Command:
             if f"{kind}_node" in command and f"__ns:=/{namespace}" in command
         )
         return pid
-
-
-def wait_for(condition: Callable[[], bool], process: "subprocess.Popen[str]") -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert process.poll() is None
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 @pytest.fixture
@@ -98,10 +88,7 @@ def test_nodes_end_with_a_run_that_is_killed(command: Command, tmp_path: Path) -
     assert len(nodes) == 4
     process.kill()
     process.communicate()
-    deadline = time.monotonic() + PATIENCE_S
-    while any(Path(f"/proc/{pid}").exists() for pid in nodes):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+    wait_for_end(nodes)
     assert (tmp_path / "run" / "metadata.yaml").is_file()
 
 
@@ -131,7 +118,7 @@ def test_a_run_whose_recorder_is_killed_reaches_its_end(command: Command, tmp_pa
     folder = tmp_path / "run"
     process = command.start("run", command.cart, "--out", str(folder), "--set", "duration_s=15")
     file = folder / "run_0.mcap"
-    wait_for(lambda: file.is_file() and file.stat().st_size > 60_000, process)
+    wait_until(lambda: file.is_file() and file.stat().st_size > 60_000, process)
     os.kill(command.node_of(process, "recorder"), signal.SIGKILL)
     _, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
