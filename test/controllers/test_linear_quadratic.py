@@ -40,7 +40,7 @@ def controller_of(control, minimum, maximum, preview_steps):
 @cache
 def long_problem():
     """Outputs (steps, 3) by the state, and the first control (2, rows) by the right side of the least squares."""
-    steps = 300
+    steps = 150
     n = 2 * steps
     response, state_of, free, power = np.zeros((steps, n)), np.zeros((3, n)), np.zeros((steps, 3)), np.eye(3)
     for k in range(steps):
