@@ -226,13 +226,3 @@ def test_a_file_that_exists_is_kept_unless_forced(tmp_path):
     assert (result.exit_code, "--force" in result.stderr) == (2, True)
     assert taken.read_text(encoding="utf-8") == "mine"
     assert imported(ARMS, taken, "--force")[1].plant.pattern.name == "arms"
-
-
-def test_a_path_names_postures_that_are_files(tmp_path):
-    """A keyframe may name a posture by its path, as a scenario may."""
-    file = tmp_path / "mine.yaml"
-    file.write_bytes((config_folder() / "postures" / "neutral.yaml").read_bytes())
-    keyframes = [{"alpha": 0.0, "posture": str(file)}, {"alpha": 2.0, "posture": "track"}]
-    path = load_scenario("front_layout_open_loop", {"plant.pattern.keyframes": keyframes}).plant.pattern
-    assert [keyframe.posture.name for keyframe in path.keyframes] == ["neutral", "track"]
-    assert path.as_dict()["kind"] == "path"

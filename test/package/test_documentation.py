@@ -84,16 +84,6 @@ def test_the_tutorial_s_code_controls_its_pendulum(tmp_path: Path) -> None:
     assert abs(runpy.run_path(str(script))["state"][0] - 1.0) < 0.01
 
 
-def test_the_site_s_pages_are_all_in_its_contents() -> None:
-    """`make docs` refuses a page that no contents list names; this needs no Sphinx."""
-    listed = set()
-    for page in PAGES:
-        for content in re.findall(r"```\{toctree\}(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
-            listed |= set(re.findall(r"^(?:\w+ <)?([\w./-]+)>?$", content, re.MULTILINE))
-    names = {str(page.relative_to(ROOT / "docs").with_suffix("")) for page in PAGES if page.parent != ROOT}
-    assert names - listed == {"index"}
-
-
 def test_the_ways_to_a_full_ros_can_be_read() -> None:
     tomllib = pytest.importorskip("tomllib", reason="Python 3.11 and later have it")
     pixi = tomllib.loads((ROOT / "pixi.toml").read_text(encoding="utf-8"))

@@ -91,6 +91,9 @@ def test_a_path_counts_from_the_file_that_says_it(tmp_path: Path, monkeypatch: p
     pattern = f"{{kind: path, name: p, description: d, source: s, keyframes: {frames}}}"
     write(own, f"extends: bank_recovery\nplant: {{pattern: {pattern}}}\n")
     assert load_scenario(str(own)).plant.pattern.keyframes[0].posture.name == "my_box"
+    given = [{"alpha": 0.0, "posture": "box.yaml"}, {"alpha": 1.0, "posture": "track"}]
+    found = load_scenario(str(own), {"plant.pattern.keyframes": given}).plant.pattern.keyframes
+    assert [keyframe.posture.name for keyframe in found] == ["here", "track"]
     write(own, "extends: bank_recovery\nplant: {posture: box.yaml}\n")
     assert_refused(str(tmp_path / "yours" / "box.yaml"), load_scenario, str(own))
 
