@@ -11,7 +11,6 @@ from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 # LZ4 makes a recording four times smaller for 0.2 ms of the 1.6 ms of a flush, and every MCAP reader has it; zstd
 # takes 1 ms for another sixth.
 _COMPRESSION = CompressionType.LZ4
-_SEQUENCE_MASK = 2**32 - 1
 LAST_TIME_NS = 2**63 - 1  # of rosbag2, whose times have a sign
 
 
@@ -41,7 +40,7 @@ class StoredTopic:
     encoding: str
     metadata: Mapping[str, str]
     message_count: int = 0
-    mcap_channel: int = 0
+    mcap_channel: int = 0  # from 1, 0 before it is in the file
 
 
 class McapFile:
@@ -51,13 +50,11 @@ class McapFile:
         self.topics: list[StoredTopic] = []
         self.log_span_ns: tuple[int, int] | None = None  # first and last log time, None without messages
         self._writer = Writer(file, compression=_COMPRESSION)
-        self._registered = 0
         self._schemas: dict[Definition, int] = {Definition(): 0}
 
     def start(self) -> None:
         """Write the header."""
         self._writer.start(profile="ros2", library=f"skydiver_utc {LIBRARY_IDENTIFIER}")
-        self._writer.flush()
 
     def write(self, messages: Iterable[QueuedMessage]) -> None:
         """Write messages and flush; topics without messages are written too, for recovery."""
@@ -77,7 +74,6 @@ class McapFile:
 
     def finish(self) -> None:
         """Write the index and the footer."""
-        self._register_topics()
         self._writer.finish()
 
     def _write_message(self, topic: StoredTopic, message: QueuedMessage) -> None:
@@ -87,20 +83,21 @@ class McapFile:
             log_time=log_time,
             data=message.cdr,
             publish_time=message.publish_time_ns,
-            sequence=topic.message_count & _SEQUENCE_MASK,
+            sequence=topic.message_count,
         )
         topic.message_count += 1
         self.log_span_ns = span_with(self.log_span_ns, log_time)
 
     def _register_topics(self) -> None:
-        for topic in self.topics[self._registered :]:
+        for topic in self.topics:
+            if topic.mcap_channel:
+                continue
             schema = topic.definition
             if schema not in self._schemas:
                 self._schemas[schema] = self._writer.register_schema(*schema)
             topic.mcap_channel = self._writer.register_channel(
                 topic.name, topic.encoding, self._schemas[schema], dict(topic.metadata)
             )
-            self._registered += 1
 
 
 def span_with(span_ns: tuple[int, int] | None, time_ns: int) -> tuple[int, int] | None:

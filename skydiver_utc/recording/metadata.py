@@ -8,12 +8,11 @@ from typing import Any
 
 from skydiver_utc.errors import ParameterError, RecordingError
 from skydiver_utc.parameters.yaml_io import load_yaml, write_yaml
-from skydiver_utc.recording.mcap_file import StoredTopic
+from skydiver_utc.recording.mcap_file import LAST_TIME_NS, StoredTopic
 
 METADATA_FILE = "metadata.yaml"
 QOS_KEY, HASH_KEY = "offered_qos_profiles", "topic_type_hash"  # in the metadata of a channel
 _VERSION = 9
-_NO_MESSAGE_YET_NS = 2**63 - 1  # rosbag2's starting time of an empty bag
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}  # "infinite" in rmw
 
 
@@ -44,7 +43,7 @@ def metadata_yaml(
     `log_span_ns` is the first and the last log time in ns, None for a bag without messages; `message_compression` is
     the format in which each message is compressed by itself.
     """
-    first, last = log_span_ns or (_NO_MESSAGE_YET_NS, _NO_MESSAGE_YET_NS)
+    first, last = log_span_ns or (LAST_TIME_NS, LAST_TIME_NS)  # as rosbag2
     span = {
         "duration": {"nanoseconds": last - first},
         "starting_time": {"nanoseconds_since_epoch": first},

@@ -62,7 +62,6 @@ PARTS = {
     },
 }
 _UNITS = {"yes": 1.0, "no": np.rad2deg(1.0)}
-_MOST_NAMED = 6
 
 
 def read_opensim(path: Path) -> tuple[Array, tuple[str, ...], Array, str]:
@@ -94,11 +93,10 @@ def read_opensim(path: Path) -> tuple[Array, tuple[str, ...], Array, str]:
     notes = []
     knees = [j for j, i in enumerate(columns, 1) if names[i].startswith("knee_angle_")]
     if knees and values[:, knees].max() < -values[:, knees].min():
-        values[:, knees] *= -1.0
+        values[:, knees] = -values[:, knees]
         notes.append(f"a bent knee has a negative angle in {path.name}, as in gait2392")
     if others := [name for i, name in enumerate(header) if i and i not in columns]:
-        more = f" and {len(others) - _MOST_NAMED} more" if len(others) > _MOST_NAMED else ""
-        notes.append(f"left out of {path.name}: {', '.join(others[:_MOST_NAMED])}{more}")
+        notes.append(f"left out of {path.name}: {', '.join(others)}")
     found = [
         (part.angle, part.share * (values[:, j] - part.zero_deg))
         for j, i in enumerate(columns, 1)

@@ -31,7 +31,7 @@ def in_order(topics: Mapping[str, RecordedTopic]) -> list[Item]:
         for topic in topics.values()
         for log_time, place, cdr in zip(topic.log_times_ns.tolist(), topic.places, topic.cdr, strict=True)
     ]
-    return [item for _, _, item in sorted(items, key=lambda one: one[:2])]
+    return [item for _, _, item in sorted(items)]
 
 
 def chosen(recorded: Mapping[str, RecordedTopic], names: Sequence[str]) -> dict[str, RecordedTopic]:

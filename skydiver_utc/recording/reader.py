@@ -23,7 +23,7 @@ _ENCAPSULATION_LENGTH = 4
 # What rosbags raises on definitions and messages that come from anywhere.
 _UNREADABLE = (*DAMAGE, TypesysError, SerdeError, SyntaxError)
 # Of the lists of texts or messages with a fixed length in a definition: rosbags writes code for each, 5 ms and 40 kB.
-_MOST_ENTRIES = 1000
+_MOST_ENTRIES = 100
 _LONG_LISTS = re.compile(r"^\s*(?!(?:bool|byte|char|u?int\d+|float\d+)\[)\S+\[(\d+)\]", re.MULTILINE)
 
 
@@ -167,9 +167,11 @@ class _Contents:
                 if (topic := self._topic(part, schemas.get(part.schema_id))) is not None:
                     readable[part.id] = topic
             elif isinstance(part, Damaged):
-                damage = damage or part.reason
-            elif isinstance(part, Statistics) and part.message_count != self.message_count - before:
-                damage = damage or f"{self.message_count - before} of {part.message_count} messages found"
+                damage = part.reason
+            elif (
+                isinstance(part, Statistics) and (count := self.message_count - before) != part.message_count
+            ):
+                damage = f"{count} of {part.message_count} messages found"
             whole = whole or isinstance(part, Footer)
         if not whole:
             raise RecordingError(

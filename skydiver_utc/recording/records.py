@@ -77,11 +77,10 @@ def records(file: Path) -> Iterator[tuple[int, int, int, bytes]]:
                 )
             size = file.stat().st_size
             while (header := stream.read(_HEADER.size)) not in (MAGIC, b""):
-                begin = stream.tell() - len(header)
-                whole = len(header) == _HEADER.size
-                opcode, length = _HEADER.unpack(header) if whole else (0, 0)
-                if not whole or length > size - stream.tell():
-                    opcode, length = 0, size - stream.tell()
+                begin, rest = stream.tell() - len(header), size - stream.tell()
+                opcode, length = _HEADER.unpack(header) if len(header) == _HEADER.size else (0, rest)
+                if length > rest:
+                    opcode, length = 0, rest
                 yield begin, len(header) + length, opcode, stream.read(length)
     except OSError as error:
         raise RecordingError(f"{file} cannot be read ({error.strerror}): check its permissions.") from error
@@ -161,7 +160,7 @@ def _decompressed(data: bytes, compression: str, size: int | None) -> bytes:
         data = zstandard.decompress(data, wanted) if fits else b""
     elif compression == "lz4" and data:
         frame = LZ4FrameDecompressor()
-        data = frame.decompress(data, max_length=wanted + 1)
+        data = frame.decompress(data, max_length=wanted)
         if not frame.eof:
             raise ValueError("the end of a frame is damaged")
     if len(data) != wanted:

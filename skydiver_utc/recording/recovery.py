@@ -8,6 +8,7 @@ checksum: a damaged one is left out.
 import struct
 import zlib
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from os.path import lexists
 from pathlib import Path
@@ -23,7 +24,6 @@ from skydiver_utc.recording.metadata import METADATA_FILE, message_count, metada
 from skydiver_utc.recording.reader import bag_files
 from skydiver_utc.recording.records import MAGIC, Damaged, is_compressed, parts, records
 
-_BATCH = 1000  # messages that are written at once
 _FOOTER = struct.Struct("<QQI")  # start of the index, start of its offsets, checksum
 _AFTER_INDEX = 4 + len(MAGIC)  # bytes at the end of a file that the checksum is not of: itself, the magic
 _OFFSET_OF_CHUNK = slice(16, 24)  # in the index of a chunk
@@ -47,6 +47,7 @@ class Survey:
     losses: list[Loss] = field(default_factory=list)
     lost_messages: int | None = 0  # None: unknown, because a file has no end
     log_span_ns: tuple[int, int] | None = None
+    compressed: bool = False  # messages by themselves
     whole: bool = False
 
     @property
@@ -93,38 +94,36 @@ def recover(path: Path, folder: Path, beside: dict[str, str] | None = None) -> S
             mcap = McapFile(stream)
             mcap.start()
             places: dict[_Topic, int] = {}
-            compressed = sum([_copy(file, mcap, places) for file in bag_files(path)])
+            for file in bag_files(path):
+                mcap.write(_copied(file, mcap, _add_topics(file, mcap, places)))
             mcap.finish()
         write_file(
             draft / METADATA_FILE,
-            metadata_yaml(name, mcap.topics, mcap.log_span_ns, "zstd" if compressed else ""),
+            metadata_yaml(name, mcap.topics, mcap.log_span_ns, "zstd" if found.compressed else ""),
         )
         for other, text in (beside or {}).items():
             write_file(draft / other, text)
     return found
 
 
-def _copy(file: Path, mcap: McapFile, places: dict[_Topic, int]) -> int:
-    """Copy the readable records, and add to the places of topics; returns how many messages are compressed each."""
+def _add_topics(file: Path, mcap: McapFile, places: dict[_Topic, int]) -> dict[int, int]:
+    """Add the topics of a file that have no place yet; returns the place of each of its channels."""
     topics = _topics(file)
-    batch: list[QueuedMessage] = []
-    compressed = 0
     for topic in topics.values():
         if topic not in places:
             mcap.topics.append(StoredTopic(*topic[:3], dict(topic.metadata)))
             places[topic] = len(mcap.topics)
+    return {channel_id: places[topic] for channel_id, topic in topics.items()}
+
+
+def _copied(file: Path, mcap: McapFile, places: dict[int, int]) -> Iterator[QueuedMessage]:
+    """The messages of the channels with a place; copies the other records."""
     for part in parts(file):
         if isinstance(part, McapRecord):
             mcap.add_record(part)
-        elif not isinstance(part, Damaged) and part[0] in topics:
+        elif not isinstance(part, Damaged) and part[0] in places:
             channel_id, log_time, publish_time, data = part
-            batch.append(QueuedMessage(places[topics[channel_id]], data, log_time, publish_time))
-            compressed += is_compressed(data)
-            if len(batch) == _BATCH:
-                mcap.write(batch)
-                batch.clear()
-    mcap.write(batch)
-    return compressed
+            yield QueuedMessage(places[channel_id], data, log_time, publish_time)
 
 
 def _is_indexed(file: Path) -> bool:
@@ -171,6 +170,7 @@ def _survey_file(file: Path, found: Survey) -> None:
                 unreadable = 0
             count += 1
             newest = log_time
+            found.compressed |= is_compressed(data)
             found.log_span_ns = span_with(found.log_span_ns, log_time)
             found.counts[topics[channel_id].name] += 1
     if unreadable:

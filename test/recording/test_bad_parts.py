@@ -12,13 +12,14 @@ import pytest
 import zstandard
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.rosbag2 import Reader
 
 from bags import START_NS, STRING, Record, Row, chunk_file, rewritten, text_message, write_bag
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.reader import read_bag
 from skydiver_utc.recording.recovery import recover, survey
+from skydiver_utc.recording.writer import BagWriter
 
 ROWS = [Row("/a", START_NS + k, START_NS + k, text_message(f"text {k}")) for k in range(20)]
 SERVICE_EVENT = b"""service_msgs/ServiceEventInfo info
@@ -71,7 +72,7 @@ def test_a_message_with_an_impossible_time_is_left_out(
         ("/notes", "cdr", ("pkg/msg/Own", "ros2msg", b"\xff\xfe not a definition")),
         ("/notes", "cdr", ("pkg/msg/Own", "ros2msg", b"Own self\n")),
         ("/notes", "cdr", ("pkg/msg/Own", "ros2msg", b"wstring text\n")),
-        ("/notes", "cdr", ("pkg/msg/Own", "ros2msg", b"string[9999999] texts\n")),
+        ("/notes", "cdr", ("pkg/msg/Own", "ros2msg", b"string[99] texts\nstring[2] more\n")),
         ("/notes", "cdr", ("3p/msg/Own", "ros2msg", b"int32 a\n")),
     ],
 )
@@ -107,17 +108,44 @@ def test_what_is_no_ros_message_is_ignored_and_recovered(
         assert [(m.name, m.metadata) for m in reader.iter_metadata()] == [("camera", {"serial": "7"})]
         messages = list(reader.iter_messages())
         assert len(messages) == 22
-        other = next(c for _, c, m in messages if m.data == b'{"x": 1}')
+        kind, other = next((s, c) for s, c, m in messages if m.data == b'{"x": 1}')
+        assert (kind and (kind.name, kind.encoding, kind.data)) == schema
         assert (other.topic, other.message_encoding) == (topic, encoding)
         assert other.metadata == {"offered_qos_profiles": "[" * 3000}
 
 
 @pytest.mark.parametrize(
     "options",
-    [{"use_chunking": False}, {"compression": CompressionType.NONE}, {"compression": CompressionType.ZSTD}],
+    [
+        {"use_chunking": False},
+        {"compression": CompressionType.NONE},
+        {"compression": CompressionType.ZSTD},
+        {"enable_crcs": False},
+        {"index_types": IndexType.NONE},
+    ],
 )
 def test_files_of_other_writers_are_read(bag: Path, tmp_path: Path, options: dict[str, Any]) -> None:
-    assert texts(rewritten(bag, tmp_path / "run_0.mcap", **options)) == [f"text {k}" for k in range(20)]
+    """Those without an index of chunks are whole only once it is made."""
+    file = rewritten(bag, tmp_path / "run_0.mcap", **options)
+    assert texts(file) == [f"text {k}" for k in range(20)]
+    assert survey(file).whole == ("index_types" not in options)
+
+
+def test_a_damaged_attachment_is_a_loss_of_no_message(bag: Path, tmp_path: Path) -> None:
+    def attached(writer: Writer) -> None:
+        writer.add_attachment(1, 2, "calibration.txt", "text/plain", b"1 2 3")
+
+    file = rewritten(bag, tmp_path / "run_0.mcap", more=attached)
+    whole = file.read_bytes()
+    at = whole.index(b"1 2 3")
+    for begin, content, fine in ((at, b"1", True), (at, b"X", False), (at + 5, bytes(4), True)):
+        file.write_bytes(whole[:begin] + content + whole[begin + len(content) :])
+        found = survey(file)
+        assert (found.message_count, found.lost_messages) == (20, 0)
+        assert found.whole == (not found.losses) == fine
+        if not fine:
+            with pytest.raises(RecordingError, match="attachment"):
+                read_bag(file)
 
 
 def test_messages_compressed_one_by_one_stay_so(bag: Path, tmp_path: Path) -> None:
@@ -166,12 +194,37 @@ def test_a_chunk_of_zeros_is_no_million_of_records(tmp_path: Path) -> None:
         read_bag(file)
 
 
+def packed(opcode: int, content: bytes, beyond: int = 0) -> bytes:
+    """A record whose length goes beyond its end."""
+    return struct.pack("<BQ", opcode, len(content) + beyond) + content
+
+
+@pytest.mark.parametrize(
+    ("compression", "data", "size", "losses"),
+    [
+        ("", b"", 0, 0),
+        ("", packed(0x80, b"of a writer's own"), None, 0),
+        ("", packed(Opcode.MESSAGE, bytes(30), beyond=1), None, 1),
+        ("zstd", zstandard.ZstdCompressor(write_content_size=False).compress(packed(0x80, b"x")), 10, 0),
+        ("zstd", zstandard.ZstdCompressor(write_content_size=False).compress(packed(0x80, b"x")), 11, 1),
+        ("lz4", lz4.frame.compress(packed(0x80, b"x")), 9, 1),
+        ("lz4", lz4.frame.compress(packed(0x80, b"x")), 10, 0),
+        ("lz4", lz4.frame.compress(packed(0x80, b"x")), 11, 1),
+    ],
+)
+def test_a_chunk_has_the_size_and_the_records_that_it_claims(
+    tmp_path: Path, compression: str, data: bytes, size: int | None, losses: int
+) -> None:
+    file = chunk_file(tmp_path / "run_0.mcap", compression, data, len(data) if size is None else size)
+    assert len(survey(file).losses) == losses
+
+
 def test_a_length_beyond_its_record_is_damage(tmp_path: Path) -> None:
     """The library returns what is there."""
     schema = (
         struct.pack("<HI", 1, 1) + b"x" + struct.pack("<I", 7) + b"ros2msg" + struct.pack("<I", 99) + b"int"
     )
-    record = struct.pack("<BQ", Opcode.SCHEMA, len(schema)) + schema
+    record = packed(Opcode.SCHEMA, schema)
     file = chunk_file(tmp_path / "run_0.mcap", "", record, len(record))
     assert survey(file).losses
 
@@ -189,3 +242,17 @@ def test_nothing_is_left_behind_by_a_recovery_that_fails(
     with pytest.raises(OSError, match="recovered"):
         recover(bag, tmp_path / "recovered")
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("count", [100, 101])
+def test_a_list_of_texts_has_a_largest_length(tmp_path: Path, count: int) -> None:
+    with BagWriter(tmp_path / "bag") as writer:
+        definition = f"string[{count}] texts\nint32[999] numbers\n"
+        channel = writer.add_topic("/own", "pkg/msg/Own", definition, "", "")
+        writer.write(channel, b"\x00\x01\x00\x00" + struct.pack("<IB3x", 1, 0) * count + bytes(4 * 999), 1, 1)
+    topic = read_bag(tmp_path / "bag")["/own"]
+    if count == 100:
+        assert topic.messages[0].texts == [""] * count
+    else:
+        with pytest.raises(RecordingError, match="more than 100"):
+            topic.messages  # noqa: B018

@@ -100,6 +100,9 @@ def test_a_knee_bends_whichever_sign_the_model_has(sign: float, tmp_path: Path) 
     found = read_joint_angles(motion(tmp_path / "a.mot", columns), NAMES)
     assert found.names == ("right_knee_flexion", "left_knee_flexion")
     np.testing.assert_allclose(np.rad2deg(found.values), [[60.0, 3.0], [-1.1, 0.0]])
+    assert bool(found.note) == (sign < 0.0)
+    straight = motion(tmp_path / "b.mot", {"knee_angle_r": [0.0, 0.0]})
+    assert not read_joint_angles(straight, NAMES).note
 
 
 def test_radians_paths_and_columns_that_are_no_angles(tmp_path: Path) -> None:
@@ -111,8 +114,7 @@ def test_radians_paths_and_columns_that_are_no_angles(tmp_path: Path) -> None:
     found = read_joint_angles(motion(tmp_path / "A.STO", columns, "no"), NAMES)
     assert found.names == ("right_hip_flexion",)
     np.testing.assert_allclose(found.values, [[0.5], [1.0]])
-    assert "pelvis_tx" in found.note
-    assert "hip_flexion_r/speed" in found.note
+    assert found.note.partition(": ")[2].split(", ") == list(columns)[1:]
 
 
 GOOD = "inDegrees=yes\nendheader\ntime hip_flexion_r\n0 1\n1 20\n"

@@ -8,8 +8,8 @@ import pytest
 
 from bags import START_NS, Row, text_message, write_bag
 from skydiver_utc.errors import RecordingError
-from skydiver_utc.recording.playback import Playback, in_order
-from skydiver_utc.recording.reader import read_bag
+from skydiver_utc.recording.playback import CLOCK_TYPE, Playback, chosen, in_order
+from skydiver_utc.recording.reader import RecordedTopic, read_bag
 
 TIMES_NS = START_NS + 100_000_000 * np.array([0, 0, 1, 2, 3, 3, 10])  # 0 to 1 s
 MANY = 1000
@@ -55,3 +55,23 @@ def test_messages_of_one_time_keep_the_order_of_the_bag(tmp_path: Path) -> None:
     items = in_order(read_bag(write_bag(tmp_path / "bag", rows)))
     ordered = sorted(rows, key=lambda row: row.log_time)
     assert [(i.topic, i.log_time_ns, i.cdr) for i in items] == [(r.topic, r.log_time, r.cdr) for r in ordered]
+
+
+@pytest.mark.parametrize(
+    ("names", "found"),
+    [
+        ([], ["/a/scenario", "/a/state", "/clock"]),
+        (["state"], ["/a/state", "/clock"]),
+        (["/a/scenario"], ["/a/scenario", "/clock"]),
+        (["/rosout", "state"], ["/a/state", "/clock", "/rosout"]),
+    ],
+)
+def test_topics_are_chosen_by_name_in_the_recorded_namespace(names: list[str], found: list[str]) -> None:
+    types = {"/clock": CLOCK_TYPE, "/rosout": "rcl_interfaces/msg/Log"}
+    recorded = {
+        name: RecordedTopic(name, types.get(name, "any/msg/Type"), "")
+        for name in ("/a/scenario", "/a/state", "/clock", "/rosout")
+    }
+    assert sorted(chosen(recorded, names)) == found
+    with pytest.raises(RecordingError, match="/a/nothing"):
+        chosen(recorded, [*names, "nothing"])

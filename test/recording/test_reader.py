@@ -327,9 +327,17 @@ def test_what_is_not_a_bag(tmp_path):
     (tmp_path / "empty").mkdir()
     (tmp_path / "notes.mcap").write_text("These are notes, not a recording.")
     (tmp_path / "nothing.mcap").touch()
-    for name in ("absent", "empty", "notes.mcap", "nothing.mcap"):
-        refused(name, tmp_path / name)
-    refused("not an MCAP file", tmp_path / "notes.mcap")
+    (tmp_path / "texts").mkdir()
+    (tmp_path / "texts" / "notes.txt").touch()
+    for name, reason in {
+        "absent": "does not exist",
+        "empty": r"no \.mcap file",
+        "texts": r"no \.mcap file",
+        "notes.mcap": "not an MCAP file",
+        "nothing.mcap": "not an MCAP file",
+        "/proc/self/mem": "cannot be read",
+    }.items():
+        refused(f"{name} .*{reason}", tmp_path / name)
 
 
 @pytest.mark.parametrize(

@@ -119,11 +119,11 @@ def test_a_cut_anywhere_keeps_exactly_the_whole_chunks(whole: Path, tmp_path: Pa
 
 
 def places(path: Path) -> Iterator[int]:
-    """One cut of every kind: in a chunk, at its end, in an index, in the summary, in the closing magic."""
+    """One cut of every kind: in a chunk, at its end, in an index, in the summary, before and in the end."""
     for each in chunks(path)[1::9]:
         yield from (each.end - 20, each.end, each.end + 5)
     size = path.stat().st_size
-    yield from (size - 300, size - 40, size - 8, size - 1)
+    yield from (size - 300, size - 40, size - 37, size - 8, size - 1)
 
 
 @pytest.mark.parametrize("compression", list(CompressionType), ids=lambda kind: kind.name)
@@ -247,6 +247,20 @@ def test_a_bag_of_two_files_becomes_one(whole: Path, tmp_path: Path) -> None:
     for name in ("recovered", "link"):
         with pytest.raises(RecordingError, match="exists already"):
             recover(tmp_path / "run", tmp_path / name)
+
+
+def test_messages_whose_channel_is_lost_are_lost_bytes(whole: Path, tmp_path: Path) -> None:
+    """A bag of two files, of which the first lost the chunk with its channels and its end."""
+    first, *_, last = chunks(whole)[:4]
+    run = tmp_path / "run"
+    cut(damaged(whole, first.start, 0x7F, tmp_path / "damaged.mcap"), last.end, run / "run_0.mcap")
+    cut(whole, whole.stat().st_size, run / "run_1.mcap")
+    found = survey(run)
+    assert (found.message_count, found.lost_messages, found.whole) == (MESSAGES, None, False)
+    (loss,) = found.losses
+    unknown = sum(len(row.cdr) for row in rows()[first.count : last.count])
+    assert loss.byte_count == first.end - first.start + unknown
+    assert (loss.file, loss.after_ns, loss.before_ns) == ("run_0.mcap", None, None)
 
 
 def own_bag(folder: Path) -> Path:

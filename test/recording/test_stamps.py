@@ -30,6 +30,7 @@ def test_too_short(cdr):
 
 def test_text_is_not_a_stamp():
     # A std_msgs/String: length, then characters that would be 1.8e9 ns.
-    cdr = LITTLE + struct.pack("<I", 6) + b"hello\x00"
-    with pytest.raises(RecordingError, match="does not begin with a stamp"):
-        leading_stamp_ns(cdr + bytes(2))
+    text = LITTLE + struct.pack("<I", 6) + b"hello\x00" + bytes(2)
+    for cdr in (text, LITTLE + struct.pack("<iI", 1, 10**9)):
+        with pytest.raises(RecordingError, match="does not begin with a stamp"):
+            leading_stamp_ns(cdr)

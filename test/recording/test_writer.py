@@ -8,6 +8,7 @@ import signal
 import struct
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from refusals import assert_refused
 
 from bags import QOS, START_NS, STRING, messages_in, metadata_of, text_message
 from skydiver_utc.errors import RecordingError
+from skydiver_utc.recording.metadata import offered_qos, recorded_qos_profiles
 from skydiver_utc.recording.reader import read_bag
 from skydiver_utc.recording.writer import BagWriter
 
@@ -80,12 +82,26 @@ def test_metadata_has_counts_times_qos_and_no_alias(tmp_path: Path) -> None:
     assert sorted(path.name for path in bag.folder.iterdir()) == ["metadata.yaml", "run_1_0.mcap"]
 
 
+@pytest.mark.parametrize(
+    ("text", "profiles"),
+    [
+        (offered_qos(10, "RELIABLE", "TRANSIENT_LOCAL"), [QOS]),
+        *((text, []) for text in ("", "3", "{}", "{depth: 1}", "[1]", "[{depth: 1}, 1]", "[unclosed")),
+    ],
+)
+def test_qos_profiles_come_back_from_their_text(text: str, profiles: list[object]) -> None:
+    assert recorded_qos_profiles(text) == profiles
+
+
 def test_a_bag_without_messages_is_complete_and_its_parents_are_created(tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "bags" / "today" / "bag") as bag:
-        bag.add_topic("/text", *STRING, "")
-    assert messages_in(bag.mcap_path) == []
-    content = metadata_of(bag.folder)
-    assert (content["message_count"], content["duration"]) == (0, {"nanoseconds": 0})
+    (tmp_path / "empty").mkdir()
+    for folder in (tmp_path / "bags" / "today" / "bag", tmp_path / "empty"):
+        with BagWriter(folder) as bag:
+            bag.add_topic("/text", *STRING, "")
+        assert messages_in(bag.mcap_path) == []
+        content = metadata_of(bag.folder)
+        assert (content["message_count"], content["duration"]) == (0, {"nanoseconds": 0})
+        assert content["starting_time"] == {"nanoseconds_since_epoch": 2**63 - 1}
 
 
 @pytest.mark.parametrize("name", ["folder", "file", "file/bag"])
@@ -192,13 +208,44 @@ def test_a_full_disk_at_the_end_is_raised_by_close(tmp_path: Path, monkeypatch: 
     bag.close()
 
 
-def test_writing_is_no_real_time_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its thread leaves the priority of a real-time process."""
+@pytest.mark.parametrize("policy", [os.SCHED_OTHER, os.SCHED_FIFO, os.SCHED_RR])
+def test_writing_is_no_real_time_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, policy: int) -> None:
+    """Its thread leaves the priority of a real-time process, and does not keep the process from ending."""
     asked: list[object] = []
-    monkeypatch.setattr(os, "sched_getscheduler", [os.SCHED_FIFO].__getitem__)
+    monkeypatch.setattr(os, "sched_getscheduler", [policy].__getitem__)
     monkeypatch.setattr(os, "sched_setscheduler", lambda *given: asked.append(given))
-    BagWriter(tmp_path / "bag").close()
-    assert asked == [(0, os.SCHED_OTHER, os.sched_param(0))]
+    with BagWriter(tmp_path / "bag"):
+        assert all(t.daemon for t in threading.enumerate() if t is not threading.main_thread())
+    assert asked == ([] if policy == os.SCHED_OTHER else [(0, os.SCHED_OTHER, os.sched_param(0))])
+
+
+def test_a_bag_is_on_the_disk_before_its_metadata(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes: list[int] = []
+    monkeypatch.setattr(os, "fsync", lambda file: sizes.append(os.fstat(file).st_size))
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write(bag.add_topic("/text", *STRING, ""), text_message("x"), START_NS, START_NS)
+    assert sizes == [path.stat().st_size for path in (bag.mcap_path, bag.folder / "metadata.yaml")]
+
+
+def test_what_waits_is_counted_and_late_after_the_flush_interval(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = [50.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now_s[0])
+    with BagWriter(tmp_path / "bag", flush_interval_s=100.0, queue_limit_bytes=1000) as bag:
+        channel = bag.add_topic("/text", *STRING, "")
+        now_s[0] = 153.0
+        assert (bag.waiting_bytes, bag.behind_s) == (0, 0.0)
+        assert [bag.write(channel, bytes(size), 0, 0) for size in (600, 401, 400, 1)] == [
+            True,
+            False,
+            True,
+            False,
+        ]
+        assert (bag.waiting_bytes, bag.behind_s, bag.dropped) == (1000, 3.0, 2)
+        now_s[0] = 149.0
+        assert bag.behind_s == 0.0
+    assert bag.waiting_bytes == 0
 
 
 def test_messages_beyond_the_limit_of_the_queue_are_dropped(
