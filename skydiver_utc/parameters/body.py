@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of the body that falls: segments, suit, ranges of motion, subject, posture, movement pattern."""
 
+import math
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -121,7 +122,7 @@ class MovementPattern(Parameters):
     @model_validator(mode="after")
     def _check(self) -> Self:
         norm = sum(c * c for row in self.components.values() for c in row) ** 0.5
-        if abs(norm - 1.0) > 1e-6:
+        if not math.isclose(norm, 1.0, abs_tol=1e-6):
             raise ValueError(f"the movement pattern {self.name} must have unit norm, it has {norm:.6f}")
         return self
 

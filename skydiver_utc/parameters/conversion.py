@@ -4,6 +4,7 @@
 import difflib
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import islice
 from typing import Any, NamedTuple, TypeVar, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -128,10 +129,10 @@ def _clauses(errors: Iterable[ErrorDetails], prefix: str, block: Any, known: lis
     for error in errors:
         first.setdefault(".".join(_place(error, block)), error)
     # A text from anywhere may have very many: only those are put into words that can be shown.
-    return [
-        _clause(error, place, prefix, known) if i < _MOST_SHOWN else ""
-        for i, (place, error) in enumerate(first.items())
-    ]
+    shown = islice(first.items(), _MOST_SHOWN)
+    return [_clause(error, place, prefix, known) for place, error in shown] + [""] * (
+        len(first) - _MOST_SHOWN
+    )
 
 
 def _clause(error: ErrorDetails, place: str, prefix: str, known: list[str]) -> str:

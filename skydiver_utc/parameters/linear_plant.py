@@ -27,7 +27,7 @@ class LinearSettings(Parameters):
     def sizes(self) -> tuple[int, int, int]:
         """n, m and l."""
         n = len(self.A)
-        return n, len(self.B[0]) if self.B else 0, n if self.C is None else len(self.C)
+        return n, len(next(iter(self.B), ())), n if self.C is None else len(self.C)
 
     @model_validator(mode="after")
     def _check_shapes(self) -> Self:

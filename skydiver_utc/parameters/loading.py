@@ -16,7 +16,6 @@ from skydiver_utc.parameters.scenario import Scenario, merged
 from skydiver_utc.parameters.yaml_io import (
     parse_yaml,
     read_yaml,
-    refuse_non_finite,
     refuse_unresolved,
     values_in,
     write_yaml,
@@ -267,7 +266,6 @@ def _over_defaults(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _override(content: dict[str, Any], name: str, value: object) -> None:
-    refuse_non_finite(value, "the override", name)
     place: Any = content
     part, rest = _entry(place, name, name)
     while rest:

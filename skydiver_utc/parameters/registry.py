@@ -144,11 +144,8 @@ def refuse_other_code(kind: str) -> None:
         if spec is None:
             raise _missing(module)
         folders, origin = spec.submodule_search_locations or [], str(spec.origin)
-    try:
-        written_for_this = b"skydiver_utc" in Path(origin).read_bytes()
-    except OSError:  # a folder without any module
-        written_for_this = False
-    if not written_for_this:
+    # A folder without any module has no file.
+    if not Path(origin).is_file() or b"skydiver_utc" not in Path(origin).read_bytes():
         raise OwnClassError(
             f"the class {kind} is not imported, because its module in {origin} does not import skydiver_utc, and a"
             " topic or a recording names no other code: import skydiver_utc there, if it is the module that is meant"

@@ -146,10 +146,10 @@ def refuse_unresolved(text: str, origin: str) -> None:
         raise ParameterError(f"{origin} has YAML aliases: write its values out")
 
 
-def refuse_non_finite(value: Any, origin: str, name: str = "") -> None:
+def refuse_non_finite(value: Any, origin: str) -> None:
     """Raise if numbers in `value` are NaN or infinite, or if it is too large."""
     wrong = []
-    for count, (path, item) in enumerate(values_in(value, (name,) if name else ())):
+    for count, (path, item) in enumerate(values_in(value)):
         if isinstance(item, float) and not math.isfinite(item):
             place = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path)
             wrong.append(f"{place.removeprefix('.')} in {origin} is {item}: write a finite number")
@@ -172,6 +172,4 @@ def values_in(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[tuple[An
 
 def write_yaml(content: Any) -> str:
     """YAML text of plain data, in the order given, with short lists on one line."""
-    return yaml.dump(
-        content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100, default_flow_style=None
-    )
+    return yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None)

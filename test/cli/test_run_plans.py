@@ -3,6 +3,7 @@
 
 import json
 from contextlib import ExitStack
+from datetime import datetime, tzinfo
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from skydiver_utc.cli.planned_runs import planned_runs
 from skydiver_utc.cli.ros_environment import free_domain, node_environment
 from skydiver_utc.errors import InputError
 from skydiver_utc.nodes.discovery import PROFILE, RANGE
-from skydiver_utc.parameters import load_scenario
+from skydiver_utc.parameters import load_scenario, run_folder
 from skydiver_utc.parameters.run_folder import new_run_folder
 
 
@@ -73,13 +74,20 @@ def test_two_runs_of_one_name_and_a_folder_that_exists_are_refused(tmp_path: Pat
         planned_runs(["turn_360_left"], [], tmp_path)
 
 
-def test_run_folders_of_one_second_have_different_names(tmp_path: Path) -> None:
-    """Three, of which two at least are of one second."""
+def test_run_folders_of_one_second_have_different_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Stopped(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> datetime:
+            return datetime(2026, 1, 2, 3, 4, 5, tzinfo=tz)
+
+    monkeypatch.setattr(run_folder, "datetime", Stopped)
     made = [new_run_folder(tmp_path / "some" / "bags", "a b") for _ in range(3)]
-    assert len(set(made)) == 3
+    assert [folder.name for folder in made] == [
+        f"20260102T030405Z_a_b{number}" for number in ("", "_2", "_3")
+    ]
     assert all(folder.is_dir() for folder in made)
-    assert made[0].name.endswith("Z_a_b")
-    assert any(folder.name.endswith("Z_a_b_2") for folder in made)
 
 
 def test_nodes_stay_on_this_machine_and_on_a_free_domain_below_the_ephemeral_ports() -> None:

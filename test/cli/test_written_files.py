@@ -77,7 +77,35 @@ def test_a_link_is_replaced_a_pipe_and_a_device_are_written_to(tmp_path: Path) -
     for special in (pipe, Path(os.devnull)):
         write_file(special, "new")
     assert (os.read(reader, 9), pipe.is_fifo(), Path(os.devnull).is_char_device()) == (b"new", True, True)
-    os.close(reader)
+    link.unlink()
+    link.symlink_to(pipe)
+    write_file(link, "own")
+    assert (link.read_text(), link.is_symlink()) == ("own", False)
+    end, write_end = os.pipe()
+    write_file(Path(f"/dev/fd/{write_end}"), "new")
+    assert os.read(end, 9) == b"new"
+    for file in (reader, end, write_end):
+        os.close(file)
+
+
+def test_an_error_names_the_file_that_was_asked_for_or_its_own(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError) as missing:
+        write_file(tmp_path / "none" / "file", "new")
+    assert missing.value.filename == str(tmp_path / "none" / "file")
+    (tmp_path / "taken" / "within").mkdir(parents=True)
+    with pytest.raises(OSError, match="taken") as taken:
+        write_file(tmp_path / "taken", "new")
+    assert taken.value.filename == str(tmp_path / "taken")
+
+    def other(error: Exception) -> None:
+        with new_folder(tmp_path / "a" / "made"):
+            raise error
+
+    for error in (OSError(2, "absent", "/other/file"), ValueError("no file")):
+        with pytest.raises(type(error)) as own:
+            other(error)
+        assert own.value is error
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["a", "taken", "within"]
 
 
 @pytest.mark.usefixtures("unrendered")

@@ -24,7 +24,7 @@ SCENARIO = """
 name: own
 duration_s: 1.0
 dt_s: 0.0042
-plant: {{kind: skydiver}}
+plant: {{{plant}}}
 controller: {{kind: pose}}
 reference: {{{reference}}}
 """
@@ -34,10 +34,12 @@ reference: {{{reference}}}
 def load(tmp_path):
     """Load a scenario with this reference, from a folder that holds the module of its kind."""
     (tmp_path / "own_waves.py").write_text(MODULE)
+    (tmp_path / "broken_waves.py").write_text("import no_such_dependency")
+    (tmp_path / "folder_of_waves").mkdir()
 
-    def loaded(reference):
+    def loaded(reference, plant="kind: skydiver"):
         path = tmp_path / "own.yaml"
-        path.write_text(SCENARIO.format(reference=reference))
+        path.write_text(SCENARIO.format(reference=reference, plant=plant))
         return load_scenario(str(path))
 
     return loaded
@@ -69,6 +71,7 @@ def test_a_packaged_scenario_takes_a_kind_from_the_current_folder(tmp_path, monk
         ("kind: 'own_waves:Surf', height: 1", ["reference.kind", "own_waves", "Surf"]),
         ("kind: 'own_waves:Bare'", ["reference.kind", "own_waves:Bare", "Settings"]),
         ("kind: 'no_waves:Wave'", ["reference.kind", "no_waves.py"]),
+        ("kind: 'broken_waves:Wave'", ["reference.kind", "no_such_dependency.py"]),
     ],
 )
 def test_a_wrong_one_is_named(load, reference, words):
@@ -107,3 +110,14 @@ def test_a_text_from_anywhere_imports_no_plain_module_on_the_way(tmp_path, monke
     with pytest.raises(ParameterError):
         from_yaml(text)
     assert not (tmp_path / "run").exists()
+
+
+def test_a_plant_of_one_s_own_names_no_files(load):
+    """What is the name of a posture for the skydiver is a text for it."""
+    scenario = load(
+        "kind: constant, values: {y: 0}", plant="kind: 'own_waves:Wave', height: 2, pattern: turn"
+    )
+    assert scenario.plant.pattern == "turn"
+    text = to_yaml(scenario).replace("own_waves:Wave", "folder_of_waves:Wave")
+    with pytest.raises(ParameterError, match="does not import skydiver_utc"):
+        from_yaml(text)

@@ -3,7 +3,9 @@
 
 import math
 from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Annotated, Literal
 
 import numpy as np
 import paper_utc
@@ -13,11 +15,15 @@ from refusals import assert_refused
 from runs import CART
 
 from skydiver_utc.parameters import (
+    ParameterError,
+    Parameters,
     from_yaml,
     leaves,
     load_scenario,
     override,
+    quantity,
     scenario_names,
+    text,
     to_yaml,
 )
 from skydiver_utc.parameters.loading import config_folder
@@ -62,6 +68,7 @@ def test_steps_and_stamps_are_integers():
     assert (scenario.dt_ns, scenario.steps) == (4_200_000, 4762)
     assert scenario.stamp_ns(1000) - scenario.stamp_ns(0) == 4_200_000_000
     assert scenario.stamp_ns(0) > 0
+    assert load_scenario(FAST, {"duration_s": scenario.dt_s}).steps == 1
 
 
 def test_a_stamp_in_nanoseconds_is_exact():
@@ -73,6 +80,25 @@ def test_limits_are_bounds_in_the_order_of_the_controls():
     bounds = {"Cm_damp_yaw": [0.1, 4.0], "k_right": [-0.2, 1.0], "k_left": [-0.3, 2.0], "alpha": [-0.4, 0.5]}
     limits = load_scenario(FAST, {f"plant.limits.{name}": pair for name, pair in bounds.items()}).plant.limits
     assert (limits.minimum, limits.maximum) == ((0.1, -0.2, -0.3, -0.4), (4.0, 1.0, 2.0, 0.5))
+    assert load_scenario(FAST, {"plant.limits.alpha.1": 1.25}).plant.limits.maximum[3] == 1.25
+
+
+def test_the_true_plant_is_the_plant_with_other_values_laid_over():
+    scenario = load_scenario(FAST, {"truth": {"hands": {"K_N": 80.0}, "actuator_lag_s": 0.1}})
+    assert scenario.true_plant == load_scenario(FAST, {"plant.hands.K_N": 80.0}).plant
+    assert shipped(FAST).true_plant is shipped(FAST).plant
+
+
+def test_another_controller_has_the_defaults_of_its_kind_and_the_true_state_is_no_estimate():
+    assert load_scenario(FAST, {"controller": {"kind": "lqr"}}).controller.kind == "lqr"
+    assert not shipped(FAST).has_estimator
+    assert shipped("fast_turn_gyro_accelerometer").has_estimator
+
+
+def path_of(*alphas):
+    """A path of postures at these pattern angles."""
+    frames = [{"alpha": alpha, "posture": "box"} for alpha in alphas]
+    return {"kind": "path", "name": "p", "description": "", "source": "", "keyframes": frames}
 
 
 @pytest.mark.parametrize(
@@ -95,9 +121,29 @@ def test_limits_are_bounds_in_the_order_of_the_controls():
         *(({"dt_s": value}, ["dt_s", str(value)]) for value in (-0.0042, 0, 2)),
         ({"dt_s": 0.00420000001}, ["dt_s", "nanoseconds"]),
         ({"duration_s": 0.001}, ["duration_s"]),
-        ({"plant.limits.alpha": [1.5, -1.5]}, ["alpha", "upside down"]),
+        ({"plant.limits.alpha": [1.5, -1.5]}, ["alpha", "upside down", "1.5, -1.5"]),
+        ({"plant.limits.alpha": [0.5, 0.5]}, ["alpha", "upside down"]),
+        (
+            {"plant.subject.joint_limits.ranges_deg.knee.flexion": [10, -10]},
+            ["joint_limits.ranges_deg.knee", "flexion", "10.0, -10.0"],
+        ),
+        ({"plant.limits.alpha.2": 1.0}, ["there is no parameter plant.limits.alpha.2", "entries 0 to 1"]),
+        ({"plant.limits.alpha.x": 1.0}, ["there is no parameter plant.limits.alpha.x", "entries 0 to 1"]),
+        ({"plant.pattern": path_of(0.0)}, ["plant.pattern", "1 keyframes"]),
+        ({"plant.pattern": path_of(0.0, 0.0)}, ["plant.pattern", "growing alpha"]),
+        ({"plant.pattern": path_of(1.0, 0.0)}, ["plant.pattern", "growing alpha"]),
+        (
+            {"plant.pattern": {"kind": "direction", "name": "p"}},
+            [
+                f"parameter plant.pattern.{name} is missing"
+                for name in ("description", "source", "components")
+            ],
+        ),
+        ({"title": "a\x1b[2J"}, ["title holds a control character"]),
+        ({"plant.subject.name": "a\u202e"}, ["plant.subject: name holds a control character"]),
+        ({"truth": {"hands": {"K_N": -1.0}}}, ["truth.hands.K_N", "at least 0"]),
         ({"plant.limits.alpha": [1.5]}, ["alpha"]),
-        ({"plant.limits.alpha": None}, ["plant.limits.alpha", "a list"]),
+        ({"plant.limits.alpha": None}, ["plant.limits.alpha", "a list", "found None"]),
         ({"plant.limits.alpha": [-100, 100]}, ["plant.limits.alpha.0", "plant.limits.alpha.1"]),
         ({"plant.limits": 1.0}, ["plant.limits", "a block"]),
         ({"plant": "skydiver"}, ["plant", "a block", "'skydiver'"]),
@@ -110,7 +156,10 @@ def test_limits_are_bounds_in_the_order_of_the_controls():
         ({"disturbances": [{"kind": "wind"}]}, ["disturbances[0].kind", "wind"]),
         ({"disturbances": 3}, ["disturbances", "a list"]),
         ({"plant.pattern.kind": "wave"}, ["plant.pattern.kind", "wave", "direction, path"]),
-        ({"plant.pattern.components.left_hip": [0.9, 0.0, 0.0]}, ["plant.pattern", "unit norm"]),
+        (
+            {"plant.pattern.components": {"left_hip": [0.6, 0.0, 0.0]}},
+            ["plant.pattern", "unit norm", "0.600000"],
+        ),
         ({"controller.W0": 1.0}, ["controller.W0"]),
         ({"plant.subject": "giant"}, ["giant", "average"]),
         ({"plant.skydiver": "nobody"}, ["nobody", "athlete, paper"]),
@@ -218,6 +267,55 @@ def test_every_number_has_a_description_and_a_unit_and_prose_is_no_leaf(name):
     names, prose = {leaf.name for leaf in found}, {"name", "title", "description", "source", "kind"}
     assert {"dt_s", "plant.hands.K_N", "plant.subject.mass_kg"} <= names
     assert not {name for name in names if name.rpartition(".")[2] in prose}
+
+
+def test_leaves_are_the_numbers_switches_and_choices_of_each_kind_of_field():
+    class Block(Parameters):
+        size: Annotated[float, quantity("m", "a size", gt=0, le=2)] = 1.0
+
+    class Fields(Parameters):
+        kind: Literal["fields"] = "fields"
+        count: Annotated[int, quantity("1", "a count", ge=1, lt=9)] = 3
+        switch: Annotated[bool, text("a switch")] = True
+        choice: Annotated[Literal["a", "b"], text("a choice")] = "a"
+        maybe: Literal["a", "b"] | None = "b"
+        optional: Annotated[float, quantity("s", "a time", ge=0)] | None = 2.0
+        absent: Annotated[float, quantity("s", "a time")] | None = None
+        either: Literal["a"] | int | None = "a"
+        row: tuple[float, ...] = (1.0, 2.0)
+        nothing: tuple[float, ...] = ()
+        words: tuple[str, ...] = ("a", "b")
+        prose: str = "a"
+        block: Block = Block()
+        table: dict[str, float] = {"x": 1.0}
+        texts: dict[str, str] = {"x": "a"}
+        blocks: dict[str, Block] = {"y": Block()}
+        disturbances: tuple[Block, ...] = (Block(), Block(size=2.0))
+
+    size = 1.0, "float", 0.0, 2.0, (), "m", "a size"
+    assert [tuple(leaf) for leaf in leaves(Fields(), "of.")] == [
+        ("of.count", 3, "int", 1.0, 9.0, (), "1", "a count"),
+        ("of.switch", True, "bool", None, None, (), "", "a switch"),
+        ("of.choice", "a", "str", None, None, ("a", "b"), "", "a choice"),
+        ("of.maybe", "b", "str", None, None, ("a", "b"), "", ""),
+        ("of.optional", 2.0, "float", 0.0, None, (), "s", "a time"),
+        ("of.row", (1.0, 2.0), "floats", None, None, (), "", ""),
+        ("of.block.size", *size),
+        ("of.table.x", 1.0, "float", None, None, (), "", ""),
+        ("of.blocks.y.size", *size),
+        ("of.disturbances.0.size", *size),
+        ("of.disturbances.1.size", 2.0, *size[1:]),
+    ]
+
+
+def test_the_config_folder_is_in_the_checkout_or_a_share_folder(tmp_path, monkeypatch):
+    share = tmp_path / "share" / "skydiver_utc" / "config"
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{tmp_path}")
+    monkeypatch.setattr(Path, "is_dir", lambda path: path == share / "scenarios")
+    assert config_folder() == share
+    monkeypatch.setattr(Path, "is_dir", lambda path: False)
+    with pytest.raises(ParameterError, match="install"):
+        config_folder()
 
 
 def test_utc_has_the_paper_s_numbers():

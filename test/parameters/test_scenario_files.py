@@ -8,7 +8,7 @@ from refusals import assert_refused
 
 from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, to_yaml
 from skydiver_utc.parameters.loading import config_folder
-from skydiver_utc.parameters.yaml_io import number, parse_yaml, write_yaml
+from skydiver_utc.parameters.yaml_io import number, parse_yaml, refuse_non_finite, write_yaml
 
 FAST = "fast_turn_unknown_dynamics"
 POSTURE = (config_folder() / "postures" / "box.yaml").read_text()
@@ -68,7 +68,13 @@ ALIASED = "".join(f"b{k}: &b{k} [{', '.join([f'*b{k - 1}'] * 9)}]\n" for k in ra
 @pytest.mark.parametrize(
     "text",
     [
-        *("a: " + "[" * 3000, "a: " + 500 * "[" + 500 * "]", "a: &a {b: *a}", "a: &a [*a]", "{a: 1, a: 2}"),
+        *(
+            "a: " + "[" * 3000,
+            "a: " + 100 * "[" + "1" + 100 * "]",
+            "a: &a {b: *a}",
+            "a: &a [*a]",
+            "{a: 1, a: 2}",
+        ),
         "b0: &b0 []\n" + ALIASED,
         "".join("  " * k + "a:\n" for k in range(400)),
     ],
@@ -77,6 +83,32 @@ ALIASED = "".join(f"b{k}: &b{k} [{', '.join([f'*b{k - 1}'] * 9)}]\n" for k in ra
 def test_yaml_that_is_too_much_is_refused_at_once(text: str) -> None:
     with pytest.raises(ParameterError, match="it"):
         parse_yaml(text, "it")
+
+
+def test_yaml_has_bounds_and_its_faults_a_place() -> None:
+    parse_yaml("a: " + 99 * "[" + "1" + 99 * "]", "it")
+    refuse_non_finite([1] * 200_000, "it")
+    for wrong, words in {"a: [1, {b: .inf}]": r"a\[1\]\.b in it is inf", "\nx:\n  <<: 3": "line 3"}.items():
+        with pytest.raises(ParameterError, match=words):
+            parse_yaml(wrong, "it")
+    with pytest.raises(ParameterError, match="too many"):
+        refuse_non_finite([1] * 200_001, "it")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a: &a 1\nb: *a", "aliases"),
+        ("*", "valid YAML"),
+        ("- '*'", "mapping"),
+        ("#" * 4_000_000, "mapping"),
+        ("#" * 4_000_001, "characters"),
+    ],
+    ids=lambda text: text[:8],
+)
+def test_a_text_from_anywhere_has_bounds_and_no_aliases(text: str, words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        from_yaml(text)
 
 
 def test_a_path_counts_from_the_file_that_says_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,8 +167,10 @@ def test_a_table_that_is_missing_hides_no_other_fault(tmp_path: Path) -> None:
     assert_refused(("dt_s", "nowhere.csv", "reference.tabel"), load_scenario, str(path))
 
 
-@pytest.mark.parametrize("wrong", [11, 20_000])
+@pytest.mark.parametrize("wrong", [10, 11, 20_000])
 def test_very_many_wrong_fields_are_counted(wrong: int) -> None:
     text = to_yaml(load_scenario(FAST)) + "".join(f"key{k}: 1\n" for k in range(wrong))
-    with pytest.raises(ParameterError, match=f"and {wrong - 10} more"):
+    with pytest.raises(ParameterError, match="key9") as caught:
         from_yaml(text)
+    assert f"and {wrong - 10} more (" in str(caught.value) or wrong == 10
+    assert (" more (" in str(caught.value)) == (wrong > 10)
