@@ -61,20 +61,23 @@ def run_study(
     from skydiver_utc.studies.ledger import FILE, ledger
     from skydiver_utc.studies.study import load_study
     from skydiver_utc.studies.study_report import REPORT, write_report
+    from skydiver_utc.studies.workers import AT_ONCE_ON_CLUSTER, executor
 
     plan = Plan(load_study(name))
-    plan.check()
     folder = _folder(plan, out)
-    prepare_folder(folder)
-    with ledger(folder, plan.study.name, plan.digest) as found, _progress(plan, quiet) as progress:
-        try:
-            rows = fly_study(plan, found, workers, progress, scheduler, until)
-        except StudyStoppedError as error:
-            count = len(found.rows())
-            click.echo(
-                f"Error: {error}: {count} runs stand in {folder / FILE}, the same command continues", err=True
-            )
-            return FAILED
+    try:
+        with executor(workers, scheduler) as pool:
+            plan.check(pool)
+            prepare_folder(folder)
+            with ledger(folder, plan.study.name, plan.digest) as found, _progress(plan, quiet) as progress:
+                at_once = AT_ONCE_ON_CLUSTER if scheduler else 2 * workers
+                rows = fly_study(plan, found, pool, at_once, progress, until)
+    except StudyStoppedError as error:
+        click.echo(
+            f"Error: {error}: the runs that ended stand in {folder / FILE}, the same command continues",
+            err=True,
+        )
+        return FAILED
     write_report(folder, plan, rows)
     failed = sum(row.outcome == FAILED_RUN for row in rows)
     show_lines(f"{len(rows)} runs, {failed} failed: {folder / REPORT}")

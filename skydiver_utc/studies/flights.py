@@ -19,9 +19,7 @@ from skydiver_utc.studies.design import Design, Sample
 from skydiver_utc.studies.intervals import share_interval
 from skydiver_utc.studies.ledger import FAILED, Ledger, Row
 from skydiver_utc.studies.study import Study
-from skydiver_utc.studies.workers import executor
 
-_IN_FLIGHT = 64  # more than a cluster's workers would idle between two results
 _CLOCKS = ("solve_time_us", "wall_time_s")
 
 
@@ -58,28 +56,41 @@ class Plan:
         self.own = {name: scenario.as_dict() for name, scenario in self.scenarios.items()}
         self._texts = {name: to_yaml(scenario) for name, scenario in self.scenarios.items()}
 
-    def check(self) -> None:
+    def check(self, pool: Executor) -> None:
         """Raise `ParameterError` for a setting, a value or a metric that a case does not have; flies one step each.
 
         Of a distribution both ends and the middle are tried, of a choice or a grid every value.
         """
         most = max(3, *(len(one.values) for one in self.study.vary.values()))
+        middles: dict[str, Future[Flown]] = {}
         for name, scenario in self.scenarios.items():
             try:
                 for i in range(most):
                     settings = self._settings_at(i / (most - 1), name)
                     found = override(scenario, settings)
                     if i == most // 2:
-                        flown = fly(to_yaml(scenario), settings | {"duration_s": found.dt_s})
+                        one_step = settings | {"duration_s": found.dt_s}
+                        middles[name] = _submitted(pool, self._texts[name], one_step)
             except (ParameterError, ValueError) as error:
-                raise ParameterError(f"{error} (case {name!r} of study {self.study.name})") from error
-            if unknown := set(self.study.metrics) - set(flown.metrics):
+                raise self._of_case(name, error) from error
+        for name, future in middles.items():
+            wrong = _error(future)
+            if wrong is not None:
+                raise self._of_case(name, wrong) from wrong
+            metrics = future.result().metrics
+            if unknown := set(self.study.metrics) - set(metrics):
                 raise ParameterError(
                     f"study {self.study.name}: a run of {name!r} has no metric {', '.join(sorted(unknown))}:"
-                    f" choose from {', '.join(flown.metrics)}"
+                    f" choose from {', '.join(metrics)}"
                 )
-            if texts := [bar for bar in self.study.success if isinstance(flown.metrics[bar], str)]:
+            if texts := [bar for bar in self.study.success if isinstance(metrics[bar], str)]:
                 raise ParameterError(f"study {self.study.name}: success has {texts[0]}, which is no number")
+
+    def _of_case(self, name: str, error: BaseException) -> BaseException:
+        """The error of a case; one that is not of its settings stays as it is."""
+        if not isinstance(error, ParameterError | ValueError):
+            return error
+        return ParameterError(f"{error} (case {name!r} of study {self.study.name})")
 
     def settings(self, number: int) -> dict[str, Any]:
         """Overrides of a run on the scenario of its case."""
@@ -182,12 +193,12 @@ class Tally:
 def fly_study(
     plan: Plan,
     ledger: Ledger,
-    workers: int,
+    pool: Executor,
+    at_once: int,
     progress: Callable[[Tally], None],
-    scheduler: str = "",
     until: float | None = None,
 ) -> list[Row]:
-    """Fly the missing runs; the rows of the study, by number, without those after `until` was reached.
+    """Fly the missing runs, so many at once; the rows of the study, by number, to the one that reached `until`.
 
     Raises `StudyStoppedError` when a worker or the scheduler ends; the ledger has every run that ended before.
     """
@@ -197,20 +208,17 @@ def fly_study(
     done = {row.number for row in kept}
     missing = iter(sorted(wanted - done))
     progress(tally)
-    if not tally.enough and wanted - done:
-        with executor(workers, scheduler) as pool:
-            flying: dict[Future[Flown], int] = {}
-            while not tally.enough:
-                room = (_IN_FLIGHT if scheduler else 2 * workers) - len(flying)
-                flying |= {_submitted(pool, *plan.job(n)): n for n in islice(missing, room)}
-                if not flying:
-                    break
-                # Runs that ended come before those that were lost with a worker, which stop the study.
-                for future in sorted(wait(flying, return_when=FIRST_COMPLETED).done, key=_is_lost):
-                    row = _ended(plan, flying.pop(future), future)
-                    ledger.add(row)
-                    tally.add(row)
-                progress(tally)
+    flying: dict[Future[Flown], int] = {}
+    while not tally.enough:
+        flying |= {_submitted(pool, *plan.job(n)): n for n in islice(missing, at_once - len(flying))}
+        if not flying:
+            break
+        # Runs that ended come before those that were lost with a worker, which stop the study.
+        for future in sorted(wait(flying, return_when=FIRST_COMPLETED).done, key=_is_lost):
+            row = _ended(plan, flying.pop(future), future)
+            ledger.add(row)
+            tally.add(row)
+        progress(tally)
     last = tally.last if tally.enough else numbers[-1]
     return [row for row in ledger.rows() if row.number in wanted and row.number <= last]
 
@@ -234,11 +242,18 @@ def _is_of_a_worker(error: BaseException | None) -> bool:
     return isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"
 
 
-def _ended(plan: Plan, number: int, future: "Future[Flown]") -> Row:
-    """The row of a run that ended, or raised an error."""
-    if future.cancelled():
-        raise StudyStoppedError("the scheduler ended, or lost the runs") from CancelledError()
-    error = future.exception()
+def _error(future: "Future[Flown]") -> BaseException | None:
+    """The error of a run, when it has ended."""
+    try:
+        error = future.exception()
+    except CancelledError as cancelled:
+        raise StudyStoppedError("the scheduler ended, or lost the runs") from cancelled
     if _is_of_a_worker(error):
         raise StudyStoppedError("a worker process ended before its run did") from error
+    return error
+
+
+def _ended(plan: Plan, number: int, future: "Future[Flown]") -> Row:
+    """The row of a run that ended, or raised an error."""
+    error = _error(future)
     return plan.row(number, future.result()) if error is None else plan.failed(number, error)
