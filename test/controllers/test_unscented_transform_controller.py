@@ -237,6 +237,7 @@ def test_the_rate_limit_counts_per_unit_of_time():
     assert "rate" in result.sentence
     for reference, bound in ((100.0, "maximum 1"), (-100.0, "minimum -1")):
         assert f"control 0 is on its {bound}" in controller().step([0.0, 0.0], reference).sentence
+        assert "rate" in controller(rate=2.0).step([0.0, 0.0], reference).sentence
 
 
 @pytest.mark.parametrize("forms", ["numpy", "numbers"])
@@ -294,6 +295,9 @@ WRONG = [
     ({"state": [[0.0], [1.0, 2.0]]}, "state"), ({"P_err": -1.0}, "P_err"), ({"P_err": 0.0}, "P_err"),
     ({"P_err": [1.0, 1.0]}, "P_err"), ({"P_err": "x"}, "P_err"), ({"Pu": np.nan}, "Pu"), ({"Pu": 0.0}, "Pu"),
     ({"Pu": [1.0, 1.0]}, "Pu"), ({"Qu": -1.0}, "Qu"), ({"Qu": [[1.0, 0.5], [0.2, 1.0]]}, "Qu"),
+    ({"Pu": [[1.0, 0.0], [0.0, 1.0]]}, r"Pu has shape \(2, 2\)"), ({"Pu": {"u7": 1.0}}, "Pu names u7"),
+    ({"Pu": {"u0": 1.0, "u7": 1.0}}, "Pu names u0, u7"), ({"after_reference": {"u0": 9.0}}, r"after_reference\.u0"),
+    ({"control": [0.0, 0.0], "Pu": [[1.0, 0.5], [0.45, 1.0]]}, "Pu is not symmetric"),
     ({"minimum": -np.inf}, "Pu is needed"), ({"rest": 0.0}, "rest"), ({"angles": ("heading",)}, "angles.*heading"),
     ({"nominal": {"u7": {"value": 0.0, "variance": 1.0}}}, r"nominal\.u7"),
     ({"nominal": {"u0": {"value": 9.0, "variance": 1.0}}}, r"nominal\.u0"),
@@ -308,6 +312,107 @@ def test_what_cannot_be_used_is_named_in_one_sentence(changes, named):
     with pytest.raises(ValueError, match=named) as raised:
         controller(**changes)
     assert "\n" not in str(raised.value)
+
+
+def test_dynamics_of_a_control_that_the_plant_lacks_are_named():
+    law = UtcSettings(horizon_steps=8, dynamics={"control": "u7"})
+    with pytest.raises(ValueError, match=r"dynamics\.control.*u7"):
+        UnscentedTransformController(law, controller().plant)
+
+
+def test_a_covariance_may_miss_its_symmetry_by_rounding():
+    Pu = [[1e3, 1e-10], [0.0, 1e3]]
+    np.testing.assert_array_equal(controller(straight, None, control=[0.0, 0.0], Pu=Pu).Pu, Pu)
+
+
+def test_what_is_not_given_follows_from_the_ranges_and_the_outputs():
+    """Pu: a tenth of each range, squared; P_err: a tenth, squared, of the deviation that Pu gives the output."""
+    np.testing.assert_allclose(
+        controller(straight, None, control=[0.0, 0.0], minimum=[-0.1, 0.0], maximum=[0.1, 3.0]).Pu,
+        np.diag([0.02**2, 0.3**2]),
+    )
+    given = {"state": [0.0], "horizon": 1, "Pu": 0.04}
+    for output in (lambda x: x, lambda x: x + 3.0):
+        of_two = controller(
+            lambda x, u, dt: np.array([u[0] + 0.5 * u[1]]), output, control=[0.0, 0.0], **given
+        )
+        np.testing.assert_allclose(of_two.P_err, [[0.01 * 0.04 * 1.25]])
+    np.testing.assert_allclose(
+        controller(lambda x, u, dt: u + u**2, None, **given).P_err, [[4e-4]], rtol=1e-5
+    )
+    # No slope at the start: from points at a hundredth of sqrt(4/3), with weights of 3/8.
+    square = controller(lambda x, u, dt: u**2, None, **(given | {"Pu": 1.0}))
+    np.testing.assert_allclose(square.P_err, [[0.01 * 0.75 * (0.01 * 4.0 / 3.0) ** 2]])
+    # Nothing moves there: from points at 1.
+    given |= {"Pu": 0.75, "minimum": -9.0, "maximum": 9.0}
+    dead_band = controller(lambda x, u, dt: np.maximum(np.abs(u) - 0.5, 0.0), None, **given)
+    np.testing.assert_allclose(dead_band.P_err, [[0.01 * 0.75 * 0.5**2]])
+
+
+def test_the_tangent_is_the_present_value_and_its_change():
+    def plant(x, u, dt):
+        return x + dt * u
+
+    made = [
+        controller(plant, None, control=[0.0, 0.0], horizon=(2, 5), P_err=0.1, aim=aim)
+        for aim in ("tangent", "end_point")
+    ]
+    preview = np.random.default_rng(3).normal(size=(6, 2))
+    continued = preview[0] + np.arange(6)[:, np.newaxis] * (preview[1] - preview[0])
+    tangent, end_point = (
+        drive.step([0.0, 0.0], rows) for drive, rows in zip(made, (preview, continued), strict=True)
+    )
+    np.testing.assert_allclose(tangent.control, end_point.control, rtol=1e-12)
+    np.testing.assert_allclose(tangent.innovation, end_point.innovation, rtol=1e-12)
+
+
+def test_angles_of_several_steps_are_the_same_a_turn_further():
+    made = [controller(horizon=(2, 4), P_err=0.1, angles=("y0",)) for _ in range(2)]
+    near, far = (
+        drive.step([turns * 2.0 * np.pi, 0.0], 0.01) for drive, turns in zip(made, (0, 3), strict=True)
+    )
+    np.testing.assert_allclose(far.innovation, near.innovation, atol=1e-9)
+    np.testing.assert_allclose(far.control, near.control, atol=1e-9)
+
+
+def test_compared_with_its_own_output_a_control_answers_for_the_mean_of_points_at_bounds():
+    """K a = change of the mean, in least squares with weights 1 / Pu: a = (K' W K)^-1 K' W change."""
+    B = np.array([[1.0, 0.4, -0.3], [0.2, -0.8, 0.5]])
+    variances = np.array([0.04, 0.09, 0.01])
+    drive = controller(
+        lambda x, u, dt: B @ u, None, control=[0.0, 0.0, 0.0], horizon=1, Pu=variances, P_err=[0.01, 0.4],
+        minimum=[-0.05, -9.0, -0.01], maximum=9.0, innovation="control",
+    )  # fmt: skip
+    wanted = np.array([0.05, -0.1])
+    result = drive.step([0.0, 0.0], wanted)
+    mean = np.array([0.25, *np.full(6, 0.125)]) @ result.sigma_points
+    K = result.gain
+    weighted = K.T / variances
+    answer = np.linalg.solve(weighted @ K, weighted @ mean)
+    np.testing.assert_allclose(result.control, mean + K @ (wanted - answer), rtol=1e-9)
+    np.testing.assert_allclose(result.innovation, wanted - answer, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("horizon", "patience"), [(3, 50), (8, 80)])
+def test_a_reference_that_is_not_reached_is_told_in_time_and_controls_are_tried_singly(horizon, patience):
+    """Output u0 + u1 of at most 2, wanted at 10: after the step to the bound nothing shrinks any more."""
+    drive = controller(
+        lambda x, u, dt: np.array([u[0] + u[1]]), None, state=[0.0], control=[1.0, 1.0], horizon=horizon,
+        Pu=[[0.4, 0.1], [0.1, 0.4]], Qu=[[0.4, 0.1], [0.1, 0.4]], P_err=0.01,
+    )  # fmt: skip
+    told, together = [], []
+    for _ in range(patience + 9):
+        result = drive.step([0.0], 10.0)
+        told.append(result.status is Status.NOT_REACHED)
+        moved = np.abs(result.sigma_points - result.before) > 1e-9
+        together.append((moved.sum(axis=1) > 1).any())
+    assert told.index(True) == patience + 1
+    assert together.index(False) == patience + 2
+    assert all(told[patience + 1 :])
+    assert not any(together[patience + 2 :])
+    drive.step([0.0], 1.0)
+    moved = np.abs(drive.step([0.0], 1.0).sigma_points - drive.control) > 1e-9
+    assert (moved.sum(axis=1) > 1).any()
 
 
 @pytest.mark.parametrize(

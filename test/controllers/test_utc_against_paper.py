@@ -98,7 +98,7 @@ class Turn:
         (TURN, {}),
         ("fast_turn_pi_dynamics", {}),
         ("fast_turn_pi_dynamics", {"dynamics__tau_s": 0.0084}),
-        ("fast_turn_pi_dynamics", {"horizon_steps": 20, "dynamics__K_p": 1.2}),
+        ("fast_turn_pi_dynamics", {"horizon_steps": 20, "dynamics__K_p": 2.2}),
     ],
 )
 def test_the_skydivers_utc_equals_the_paper(name, changes):

@@ -12,6 +12,7 @@ from carts import assert_usable, controller, straight
 from skydiver_utc import Status
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.controllers.utc.law import Recovery
+from skydiver_utc.controllers.utc.survivors import next_spread, survived_range, weights_left
 from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import load_scenario
@@ -51,7 +52,7 @@ def test_an_indefinite_covariance_is_repaired_and_reported():
     result = drive.step([0.0, 0.0], [0.1, 0.1])
     assert result.status is Status.REPAIRED
     assert result.repaired == pytest.approx(1.0, rel=1e-6)
-    assert "Pu" in result.sentence
+    assert "lifted by 1" in result.sentence
     assert_usable(result, -9.0, 9.0)
     flat = controller(straight, None, control=[0.0, 0.0], minimum=-9, maximum=9, Pu=[[4.0, 4.0], [4.0, 4.0]])
     assert flat.step([0.0, 0.0], [0.1, 0.1]).repaired == pytest.approx(1e-9 * 4.0, rel=1e-5)
@@ -71,7 +72,7 @@ def test_outputs_whose_covariance_rounding_makes_indefinite():
         result = drive.step(np.zeros(3), slopes * wanted)
         found.append(result.recovery)
         repaired = result.recovery is Recovery.OUTPUTS_REPAIRED
-        assert (result.status is Status.REPAIRED) is repaired
+        assert (result.status is Status.REPAIRED) is ("rounding" in result.sentence) is repaired
         np.testing.assert_allclose(result.control, [wanted], rtol=1e-9)
         np.testing.assert_allclose(result.covariance, [[0.004]], rtol=1e-6)
     assert Recovery.OUTPUTS_REPAIRED in found
@@ -124,6 +125,8 @@ def test_a_point_that_diverges_counts_no_more(lost):
     np.testing.assert_allclose(result.control, expected.U, rtol=1e-10)
     np.testing.assert_allclose(result.covariance, expected.Pu, rtol=1e-9, atol=1e-10)
     assert (result.status, result.lost) == (Status.REPAIRED, len(lost))
+    assert f"{len(lost)} of 7 sigma points diverged" in result.sentence
+    assert "lifted" not in result.sentence
 
 
 @pytest.mark.parametrize("lost", [(1,), (0,), (1, 4), (1, 2, 3, 4)])
@@ -184,7 +187,8 @@ def test_after_a_step_without_an_answer_the_next_begins_from_the_initial_covaria
     result = drive.step([1e3], 0.0)
     assert_usable(result, -np.inf, np.inf)
     assert (result.status, result.recovery, result.lost) == (Status.KEPT_PREVIOUS, Recovery.RESTARTED, 3)
-    np.testing.assert_allclose(result.control, [0.5])
+    assert "3 of 3 sigma points diverged" in result.sentence
+    np.testing.assert_allclose([result.control, result.innovation], [[0.5], [0.0]])
     np.testing.assert_allclose(result.covariance, [[2.0]])
     assert drive.step([0.0], 0.0).status is not Status.KEPT_PREVIOUS
     np.testing.assert_allclose(drive.Pu, [[5.0]])
@@ -201,9 +205,63 @@ def test_a_state_or_reference_that_is_not_finite_keeps_control_and_covariance(wh
     result = drive.step(*arguments)
     assert_usable(result)
     assert (result.status, result.recovery) == (Status.KEPT_PREVIOUS, Recovery.NONE)
+    assert (result.repaired, result.lost) == (0.0, 0)
+    assert "not finite" in result.sentence
     np.testing.assert_array_equal(result.control, before.control)
     np.testing.assert_array_equal(result.covariance, before.covariance)
     assert drive.step([0.0, 0.0], 0.02).status is Status.SOLVED
+
+
+@pytest.mark.parametrize(
+    ("W0", "alive", "left"),
+    [
+        (0.2, [1, 1, 1, 1, 1], [0.2, 0.2, 0.2, 0.2, 0.2]),
+        (0.6, [1, 1, 0, 1, 1], [2 / 3, 1 / 9, 0, 1 / 9, 1 / 9]),
+        (0.0, [1, 1, 0, 1, 1], [0, 1 / 3, 0, 1 / 3, 1 / 3]),
+        (-1.0, [1, 1, 1, 1, 1], [-1.0, 0.5, 0.5, 0.5, 0.5]),
+        (-1.0, [1, 1, 0, 1, 1], [0.25, 0.25, 0, 0.25, 0.25]),
+        (0.0, [1, 0, 0, 0, 0], [1, 0, 0, 0, 0]),
+        (0.5, [0, 0, 0, 0, 0], [0, 0, 0, 0, 0]),
+    ],
+)
+@pytest.mark.parametrize("where", ["outputs", "saved"])
+def test_the_weights_of_the_points_that_are_left_have_the_same_sum(W0, alive, left, where):
+    weights = np.array([W0, *np.full(4, (1.0 - W0) / 4.0)])
+    given = {"outputs": np.ones((5, 2)), "saved": np.ones((5, 3))}
+    for wrong in (np.nan, np.inf, 2e100):
+        given[where][:, -1] = np.where(alive, -1e100, wrong)
+        found, survived = np.empty((2, 5))
+        lost = weights_left(weights, given["outputs"], given["saved"], found, survived)
+        assert lost == alive.count(0)
+        np.testing.assert_array_equal(survived, alive)
+        np.testing.assert_allclose(found, left, rtol=1e-12)
+        for array in given.values():
+            assert not array[np.array(alive) == 0].any()
+
+
+@pytest.mark.parametrize(
+    ("now", "alive", "following"),
+    [
+        (0.4, [1, 1, 1, 1, 1], 0.44),
+        (0.95, [1, 1, 1, 1, 1], 1.0),
+        (0.4, [0, 0, 0, 0, 0], 1.0),
+        (1.0, [1, 0, 1, 1, 0], 1.0),
+        (1.0, [1, 0, 1, 0, 1], 0.5),
+        (1.0, [1, 1, 0, 1, 0], 0.5),
+        (0.5, [1, 0, 1, 1, 1], 0.25),
+        (0.5, [0, 0, 1, 0, 1], 0.5),
+        (1.5e-6, [1, 0, 0, 0, 0], 1e-6),
+    ],
+)
+def test_the_spread_of_the_next_points_follows_from_those_that_survive(now, alive, following):
+    assert next_spread(now, np.array(alive, dtype=float), alive.count(0)) == pytest.approx(following)
+
+
+def test_the_range_of_a_control_is_that_of_the_points_that_survive():
+    saved = np.array([[0.0, 9.0], [0.5, 9.0], [-0.5, 9.0], [0.2, 9.0], [-3.0, 9.0]])
+    alive = np.array([1.0, 1.0, 1.0, 1.0, 0.0])
+    assert survived_range(saved, alive, 0, -1.0, 1.0) == (-0.5, 0.5)
+    assert survived_range(saved, alive, 0, -0.1, 0.3) == (-0.1, 0.3)
 
 
 @pytest.mark.long

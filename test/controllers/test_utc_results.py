@@ -70,10 +70,10 @@ def test_a_result_holds_what_led_to_it():
     np.testing.assert_allclose(result.gain, [[0.04 * b / (0.04 * b * b + 0.01)]], rtol=1e-9)
     np.testing.assert_allclose(result.outputs, b * result.sigma_points, rtol=1e-9)
     np.testing.assert_allclose(result.normalised_innovation, [5.0], rtol=1e-9)
-    assert "sqrt(P_err)" in result.sentence
+    assert "the reference is 0.5, 5 sqrt(P_err), from" in result.sentence
     assert "control itself" not in drive.step([0.0], 0.5).sentence
     square = controller(lambda x, u, dt: u**2, None, state=[0.0], horizon=1, P_err=0.01, Pu=1.0)
-    assert "control itself" in square.step([0.0], 1.0).sentence
+    assert "control itself is 0.75 from" in square.step([0.0], 1.0).sentence
 
 
 @pytest.mark.parametrize("status", Status)
@@ -242,6 +242,14 @@ def test_settings_are_converted_to_another_step():
     assert half.forgetting_factor == pytest.approx(0.1)
     with pytest.raises(ValueError, match="horizon_steps"):
         tuned.at_step(1e-4)
+    assert tuned.replace(horizon_steps=1).at_step(0.2).horizon_steps == 1
+    assert tuned.replace(horizon_steps=1, Qu={"u0": 0.2}).at_step(0.01).Qu == {"u0": 0.1}
+    assert tuned.replace(Qu=((0.1, 0.0), (0.0, 0.2))).at_step(0.01).Qu == ((0.05, 0.0), (0.0, 0.1))
+    coupled = load_scenario("fast_turn_unknown_dynamics").controller
+    assert coupled.preview_steps(0.0042) == 238 + 1
+    assert coupled.replace(coupling=None, dynamics={"control": "alpha", "tau_s": 0.0084}).preview_steps(
+        0.0042
+    ) == (coupled.horizon_steps + 2)
     assert half.preview_steps(0.01) == tuned.preview_steps(0.01) == 40
     assert UtcSettings(horizon_steps=5).at_step(9.0).steps == (5,)
 

@@ -89,7 +89,7 @@ def dynamics_of(
 def law_of(
     settings: UtcSettings, plant: Plant, of: HorizonOutputs, limits: Array, inside: Dynamics | None, Pu: Array
 ) -> tuple[Law, RollOut]:
-    """The arrays of the law, and the roll-out that shares them. Raises ValueError.
+    """The arrays of the law, which `resume` fills, and the roll-out that shares them. Raises ValueError.
 
     limits (3, m); inside: dynamics of a point; Pu (m, m) at the start
     """
@@ -129,10 +129,10 @@ def law_of(
         gain=np.zeros((m, L)),
         unmoved=np.zeros(len(of.names)),
         alive=np.ones(points),
-        spread=np.ones(1),
-        watch=np.full(2 + L, np.inf),
+        spread=np.empty(1),
+        watch=np.empty(2 + L),
         patience=max(_LEAST_PATIENCE, _PATIENCE * steps[-1]),
-        singly=np.zeros(1),
+        singly=np.empty(1),
         events=np.zeros(3, dtype=np.int64),
     )
     return law, at

@@ -102,7 +102,7 @@ class CouplingSchedule:
         if now != 0.0:
             self._rate_sign = _sign(now)
         elif self._rate_sign == 0.0:
-            coming = preview[np.flatnonzero(preview)[:1]]
+            coming = preview[preview != 0.0]
             self._rate_sign = _sign(float(coming[0])) if len(coming) else 1.0
         return s14 * self._rate_sign
 

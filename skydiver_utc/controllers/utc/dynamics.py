@@ -77,4 +77,4 @@ def user_dynamics(given: Callable[..., Any], plant: Plant) -> Dynamics:
     shape = tried(name, given, control.copy(), control.copy(), plant.initial_state(), preview, 0).shape
     if shape != control.shape:
         raise ValueError(f"{name} returns shape {shape} for a control of shape {control.shape}.")
-    return Dynamics(in_form(of_user, given, plant.model.step, name), np.zeros(1), False)
+    return Dynamics(in_form(of_user, given, plant.model.step, name), np.empty(0), False)

@@ -54,7 +54,6 @@ class Explanation:
 
     def __str__(self) -> str:
         head = ["control", "now", "minimum", "maximum", "deviation", "clipped"]
-        columns = max([9, *(len(name) for name in (*self.controls, *self.outputs, "reference - predicted"))])
         rows = [[*head, *(f"-> {name}" for name in self.outputs)]]
         for c, name in enumerate(self.controls):
             values = (self.control[c], self.minimum[c], self.maximum[c], self.deviation[c])
@@ -63,8 +62,7 @@ class Explanation:
             )  # fmt: skip
         rows.append(["sqrt(P_err)", *[""] * 5, *(f"{v:.3g}" for v in self.unit)])
         rows.append(["reference - predicted", *[""] * 5, *(f"{v:.3g}" for v in self.distance)])
-        width = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-        width[0] = columns
+        width = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
         lines = [
             "  ".join(cell.rjust(w) for cell, w in zip(row, width, strict=True)).rstrip() for row in rows
         ]

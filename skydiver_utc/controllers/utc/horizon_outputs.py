@@ -2,6 +2,7 @@
 """The outputs that a step of UTC predicts: their names, the covariance of their errors, constant references, angles."""
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from skydiver_utc.arrays import Array, Integers
 from skydiver_utc.controllers.utc.settings import Covariance, UtcSettings, matrix
@@ -33,7 +34,7 @@ class HorizonOutputs:
         self.angles = np.array(
             [k for k in range(size) if self.names[k % count] in settings.angles], dtype=np.int64
         )
-        self.P_err = np.diag(np.ones(size + len(self.nominal)))
+        self.P_err = np.eye(size + len(self.nominal))
         self.reference = np.zeros(len(self.P_err))
         for k, output in enumerate(settings.outputs.values()):
             self.reference[len(tracked) + k : size : count] = output.reference
@@ -96,6 +97,5 @@ class HorizonOutputs:
         return found - 2.0 * np.pi * turns
 
     def _set_error(self, tracked: Array) -> None:
-        of_step = np.diag([0.0] * len(self.tracked) + self._further)
-        of_step[: len(self.tracked), : len(self.tracked)] = tracked
+        of_step = block_diag(tracked, np.diag(self._further))
         self.P_err[: self.size, : self.size] = np.kron(np.eye(self._steps), of_step)

@@ -164,7 +164,7 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
     following, C_y, K = np.empty((m, m)), np.empty((L, L)), law.gain
     e, at, beside = np.empty(L), np.empty(L), np.empty(m)
     found = False
-    for attempt in range(3):
+    for attempt in (_NONE, _ABOUT_CENTRE, _OUTPUTS_REPAIRED):
         if found or (attempt == _ABOUT_CENTRE and not left[0] < 0.0):
             continue
         recovery = attempt
@@ -172,9 +172,7 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
             saved, outputs, U, Y, left, attempt == _ABOUT_CENTRE, law.Qu, law.P_err, following, C_y, K
         )  # fmt: skip
         if attempt == _OUTPUTS_REPAIRED:
-            trace = 0.0
-            for k in range(L):
-                trace += C_y[k, k]
+            trace = np.trace(C_y)
             for k in range(L):
                 C_y[k, k] += _LEAST_OUTPUT_SHARE * trace
         unmoved = without_effect(law, following, K)
@@ -206,14 +204,13 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
     for a in range(m):
         for k in range(L):
             U[a] += K[a, k] * e[k]
-        finite &= abs(U[a]) < np.inf
+        finite &= np.isfinite(U[a])
         for b in range(m):
-            finite &= abs(following[a, b]) < np.inf
+            finite &= np.isfinite(following[a, b])
     if not finite:
         return
-    trace, saturated = 0.0, False
+    saturated = False
     for a in range(m):
-        trace += law.repaired_Pu[a, a]
         low, high = limits[0, a], limits[1, a]
         if narrow:
             low, high = survived_range(saved, alive, a, low, high)
@@ -227,7 +224,7 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
     for k in range(L):
         law.predicted[k], law.innovation[k] = at[k], e[k]
     status = _SATURATED if saturated else _SOLVED
-    if repaired > ROUNDING * trace or lost > 0 or recovery != _NONE:
+    if repaired > ROUNDING * np.trace(law.repaired_Pu) or lost > 0 or recovery != _NONE:
         status = _REPAIRED
     if not_reached(law):
         status = _NOT_REACHED
@@ -249,8 +246,7 @@ def _answer_of(law: Law, change: Array, answer: Array) -> None:
     reference; with it, it does so only where no output sees it.
     """
     K, size = law.gain, law.per_step * law.steps.shape[0]
-    squares, found, rest = np.zeros((size, size)), np.zeros((1, size)), np.zeros((1, 1))
-    trace = 0.0
+    squares, found, rest = np.zeros((size, size)), np.zeros((1, size)), np.empty((1, 1))
     for i in range(size):
         unit = np.sqrt(law.P_err[i, i])
         for a in range(K.shape[0]):
@@ -258,7 +254,7 @@ def _answer_of(law: Law, change: Array, answer: Array) -> None:
             found[0, i] += share * change[a]
             for k in range(size):
                 squares[i, k] += share * K[a, k] * np.sqrt(law.P_err[k, k])
-        trace += squares[i, i]
+    trace = np.trace(squares)
     for i in range(size):
         squares[i, i] += _LEAST_OUTPUT_SHARE * trace
     solved = gain(squares, found, rest)

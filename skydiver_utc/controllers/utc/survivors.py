@@ -42,9 +42,7 @@ def weights_left(weights: Array, outputs: Array, saved: Array, left: Array, surv
     equal = lost > 0 and (weights[0] < 0.0 or remaining < _LEAST_WEIGHT * total)
     for i in range(weights.shape[0]):
         if left[i] > 0.0:
-            left[i] = total / (weights.shape[0] - lost) if equal else weights[i]
-            if lost > 0 and not equal:
-                left[i] *= total / remaining
+            left[i] = total / (weights.shape[0] - lost) if equal else weights[i] * (total / remaining)
     return lost
 
 
@@ -55,8 +53,10 @@ def next_spread(now: float, alive: Array, lost: int) -> float:
     Halved where the centre survives and a pair of points beside it does not, or any point once it is below one. Where
     the centre diverges the survivors show the way, and where all diverge the search begins anew.
     """
-    if lost == 0 or lost == alive.shape[0]:
-        return min(1.0, _MORE * now) if lost == 0 else 1.0
+    if lost == 0:
+        return min(1.0, _MORE * now)
+    if lost == alive.shape[0]:
+        return 1.0
     m, whole = (alive.shape[0] - 1) // 2, now == 1.0
     for j in range(m):
         whole = whole and alive[1 + j] + alive[1 + m + j] > 0.0

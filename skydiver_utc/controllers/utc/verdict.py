@@ -27,7 +27,7 @@ def without_effect(law: Any, Pu: Array, C_uy: Array) -> bool:
                 if Pu[a, a] > 0.0:
                     # Pu shrinks on a bound, the range of a control does not.
                     span = law.limits[1, a] - law.limits[0, a]
-                    reach = span * span if span < np.inf else Pu[a, a]
+                    reach = span * span if np.isfinite(span) else Pu[a, a]
                     if not (C_uy[a, t] / Pu[a, a]) ** 2 * reach <= LEAST_EFFECT * law.P_err[t, t]:
                         law.unmoved[k] = 0.0
         found = found or law.unmoved[k] > 0.0
