@@ -10,7 +10,7 @@ import pytest
 from skydiver_utc.loop.build import build_plant
 from skydiver_utc.parameters import ParameterError, load_scenario
 from skydiver_utc.plants.skydiver.linearise import linearise
-from skydiver_utc.plants.skydiver.longest_step import fastest_damping
+from skydiver_utc.plants.skydiver.longest_step import FastestDamping, fastest_damping
 from skydiver_utc.plants.skydiver.modes import modes
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 from skydiver_utc.plants.skydiver.steady import HeldBody, straight_falls
@@ -116,3 +116,29 @@ def test_hands_that_pull_down_make_the_damping_faster(force: str) -> None:
         rates.append(fastest_damping(plant.model, plant.initial_state(), 0.0).rate)
     down = -world_up(plant.initial_state())[2] * plant.constants.mass * plant.constants.gravity
     assert (rates[1] / rates[0]) ** 2 == pytest.approx(1.0 + 4.0 * 50.0 / abs(down), rel=0.01)
+
+
+def test_damping_grows_with_the_initial_speed_whatever_its_direction() -> None:
+    """Beyond the terminal speed, which counts below it."""
+    plant = build_plant(FALL)
+    assert isinstance(plant, SkydiverPlant)
+    state = plant.initial_state()
+    terminal = fastest_damping(plant.model, state * np.r_[np.ones(7), np.zeros(6)], 0.0).rate
+    state[10] = 9.0
+    for velocity in 200.0 * np.eye(3):
+        state[7:10] = velocity
+        fast = fastest_damping(plant.model, state, 0.0).rate
+        state[7:10] = 0.5 * velocity
+        assert fast == pytest.approx(2.0 * fastest_damping(plant.model, state, 0.0).rate, rel=1e-9)
+        assert fast > 2.0 * terminal
+
+
+@pytest.mark.parametrize(("longest", "rounded"), [(0.0123456, 0.0123), (0.98765, 0.987), (12.345, 12.3)])
+def test_the_longest_step_has_three_digits_and_a_longer_one_is_refused(
+    longest: float, rounded: float
+) -> None:
+    damping = FastestDamping("yaw", 2.4 / longest)
+    assert damping.longest_step == pytest.approx(rounded, rel=1e-12)
+    damping.refuse_longer(0.9999 * longest)
+    with pytest.raises(ValueError, match=f"yaw damping of {2.4 / longest:.0f} 1/s needs dt <= {rounded:g} s"):
+        damping.refuse_longer(1.0001 * longest)

@@ -10,12 +10,18 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from skydivers import model_of, oracle_derivative, skydiver
 
+from skydiver_utc.body.posture import posture_angles
+from skydiver_utc.body.segments import build_body
 from skydiver_utc.parameters import ParameterError
+from skydiver_utc.plants.skydiver.fall_report import fall_report
 from skydiver_utc.plants.skydiver.linearise import control_effect, linearise, tilt_axes, velocity_axes
 from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, INERTIA_AT
-from skydiver_utc.plants.skydiver.modes import modes
+from skydiver_utc.plants.skydiver.modes import Mode, modes
+from skydiver_utc.plants.skydiver.pattern_report import pattern_effect
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall, steady_turn, straight_falls
+from skydiver_utc.plants.skydiver.table_error import TableError
+from skydiver_utc.plants.skydiver.trim import in_posture
 from skydiver_utc.plants.skydiver.yaw import steady_yaw_rates, yaw_acceleration
 
 POSTURES = ("neutral", "back_to_earth", "head_down", "track")
@@ -172,6 +178,122 @@ def test_a_state_that_no_body_falls_with_is_a_fault(place, largest):
         state = np.zeros(13)
         state[6], state[place] = 1.0, size * largest
         assert bool(plant.fault(state)) is wrong
+
+
+def test_a_fault_tells_speed_and_body_rate():
+    plant = SkydiverPlant(scenario_of("neutral").plant, 0.0042)
+    state = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 300.0, 0.0, 400.0, 120.0, 0.0, 160.0])
+    assert "speed 500 m/s, body rate 200 rad/s" in plant.fault(state)
+    still = np.eye(13)[6]
+    assert plant.is_sound(still)
+    for place in (0, 1, 2):
+        for value in (np.inf, -np.inf, np.nan):
+            state = still.copy()
+            state[place] = value
+            assert not plant.is_sound(state)
+
+
+@pytest.mark.parametrize(
+    ("eigenvalue", "stable", "time_constant", "frequency", "damping_ratio"),
+    [
+        (-3 + 4j, True, 1 / 3, 5 / (2 * np.pi), 0.6),
+        (3 + 4j, False, 1 / 3, 5 / (2 * np.pi), -0.6),
+        (0.2 + 0.1j, False, 5.0, np.hypot(0.2, 0.1) / (2 * np.pi), -0.2 / np.hypot(0.2, 0.1)),
+        (-0.5, True, 2.0, 0.0, 1.0),
+        (0.5, False, 2.0, 0.0, 1.0),
+        (0.0, False, np.inf, 0.0, 1.0),
+    ],
+)
+def test_numbers_of_a_mode(eigenvalue, stable, time_constant, frequency, damping_ratio):
+    mode = Mode("any", complex(eigenvalue), {})
+    assert (mode.stable, mode.oscillates) == (stable, frequency > 0.0)
+    found = mode.time_constant, mode.frequency, mode.damping_ratio
+    assert found == pytest.approx((time_constant, frequency, damping_ratio))
+
+
+def test_modes_that_share_no_states_have_their_names_in_order():
+    """Of a diagonal matrix each state is a mode; tilts belong to the axes about which they turn."""
+    (fall, _) = held("neutral")[1]
+    level = SteadyFall(np.array([0.0, 0.0, 1.0]), fall.velocity, fall.rates, fall.residual)
+    found = modes(np.diag([-1.0, 2.0, -3.0, 4.0, -5.0, 6.0, 0.0, -8.0]), level)
+    assert [mode.name for mode in found] == [
+        *("slide subsidence", "fall rate divergence", "yaw subsidence", "pitch divergence 1"),
+        *("roll subsidence 1", "pitch divergence 2", "roll subsidence 2", "glide divergence"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("up", "facing", "pitch", "bank"),
+    [
+        ([0.0, 0.0, 1.0], "belly to earth", 0.0, 0.0),
+        ([0.0, 0.0, -1.0], "back to earth", 0.0, 0.0),
+        ([-1.0, 0.0, 0.0], "head down", 90.0, 0.0),
+        ([1.0, 0.0, 0.0], "feet down", -90.0, 0.0),
+        ([0.0, 1.0, 0.0], "right side down", 0.0, 90.0),
+        ([0.0, -1.0, 0.0], "left side down", 0.0, -90.0),
+        ([-0.5, 0.0, np.sqrt(0.75)], "belly to earth", 30.0, 0.0),
+    ],
+)
+def test_words_and_angles_of_a_fall(up, facing, pitch, bank):
+    """Down at 40 m/s, and along one axis after the other across it at 30."""
+    up, words = np.array(up), {0: "headwards feetwards", 1: "left right", 2: "dorsal ventral"}
+    for axis in np.flatnonzero(np.abs(up) < 1e-9):
+        for sign, word in zip((1.0, -1.0), words[axis].split(), strict=True):
+            velocity = -40.0 * up + sign * 30.0 * np.eye(3)[axis]
+            fall = SteadyFall(up, velocity, np.array([1.0, 2.0, 3.0]), np.zeros(6))
+            assert (fall.facing, fall.glide_direction) == (facing, word)
+            found = fall.speed, fall.fall_rate, np.tan(fall.glide_angle), fall.yaw_rate
+            assert found == pytest.approx((50.0, 40.0, 0.75, 3.0))
+            assert np.rad2deg([fall.pitch, fall.bank]) == pytest.approx([pitch, bank])
+
+
+def test_the_report_of_a_fall_has_its_numbers_in_their_units():
+    scenario = scenario_of("neutral")
+    model, (fall, other) = held("neutral")
+    found = fall_report(scenario)
+    for told, known in ((found, fall), (found["other_falls"][0], other)):
+        assert told["facing"] == known.facing
+        assert told["statically_stable_in_pitch"] is (known.pitch_stiffness > 0.0)
+        assert (told["speed_m_s"], told["fall_rate_m_s"]) == (known.speed, known.fall_rate)
+        angles = np.deg2rad([told["glide_angle_deg"], told["pitch_deg"]])
+        assert angles == pytest.approx([known.glide_angle, known.pitch])
+        residual = told["residual_m_s2"], told["residual_rad_s2"]
+        assert residual == (np.abs(known.residual[:3]).max(), np.abs(known.residual[3:]).max())
+    for told, mode in zip(found["modes"], modes(linearise(HeldBody(model, REST), fall), fall), strict=True):
+        assert complex(*told["eigenvalue_1_s"]) == mode.eigenvalue
+        assert (told["name"], told["stable"], told["shares"]) == (mode.name, mode.stable, mode.shares)
+        assert told["time_constant_s"] == mode.time_constant
+        of_oscillation = (mode.frequency, mode.damping_ratio) if mode.oscillates else (None, None)
+        assert (told["frequency_hz"], told["damping_ratio"]) == of_oscillation
+    turning, alphas = found["turning"], np.array([0.25, 0.5, 0.75, 1.0]) * scenario.plant.limits.alpha[1]
+    np.testing.assert_allclose(turning["alpha_rad"], alphas)
+    assert turning["yaw_acceleration_rad_s2"] == yaw_acceleration(model, fall)
+    dampings = np.array([1 / 12, 1 / 3, 2 / 3, 1.0]) * scenario.plant.limits.Cm_damp_yaw[1]
+    for row, damping in zip(turning["steady"], dampings, strict=True):
+        assert row["Cm_damp_yaw"] == pytest.approx(damping)
+        rates = np.rad2deg(steady_yaw_rates(model, fall, alphas, damping))
+        np.testing.assert_allclose(row["yaw_rate_deg_s"], rates)
+
+
+def test_the_effect_of_a_pattern_is_the_difference_half_a_radian_to_both_sides():
+    scenario = skydiver(initial__pitch_deg=5.0)
+    posture, direction = posture_angles(scenario.plant.posture), np.zeros((15, 3))
+    direction[3, 1], direction[6, 0] = 0.6, 0.8
+    body, model, initial = build_body(scenario.plant.subject), model_of(scenario), scenario.plant.initial
+    more, less = (
+        in_posture(body, model, posture + alpha * direction).straight_down(
+            initial.fall_speed_m_s, np.deg2rad(5.0)
+        )
+        for alpha in (0.5, -0.5)
+    )
+    np.testing.assert_allclose(pattern_effect(scenario, posture, direction), more - less, rtol=1e-12)
+
+
+def test_a_table_is_too_coarse_beyond_half_a_millimetre_or_5_g_m2():
+    for place, inertia, too_large in (*((5e-4, 5e-3, False), (5.1e-4, 0.0, True), (0.0, 5.1e-3, True)),):
+        error = TableError(place, inertia, 9.0)
+        assert error.too_large is too_large
+    assert str(TableError(5e-4, 0.25, 0.125)).startswith("0.5 mm in the place of a segment, 0.25 kg m2")
 
 
 def test_a_crooked_posture_has_no_straight_fall():

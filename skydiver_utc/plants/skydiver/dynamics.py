@@ -217,7 +217,7 @@ def advance(
         posture_geometry(model, alpha, geometry)
         invert_inertia(geometry, inverse)
     work[-1] = np.nan if moving else alpha
-    angular_momentum(geometry, rate, state, following[10:13])
+    angular_momentum(geometry, rate, state, following[10:])
     start_x, start_y, start_z = following[10], following[11], following[12]
     momentum_x, momentum_y, momentum_z = start_x, start_y, start_z
     acceleration = (rate_after - rate) / dt
@@ -233,10 +233,10 @@ def advance(
                 invert_inertia(geometry, inverse)
             segment_drift(model, alpha_now, rate_now, drift)
         slope[10], slope[11], slope[12] = momentum_x, momentum_y, momentum_z
-        body_rates(geometry, inverse, rate_now, slope[10:13], probe)
+        body_rates(geometry, inverse, rate_now, slope[10:], probe)
         body_load(model, geometry, drift, control, probe, load)
         kinematics(model, load, probe, slope)
-        _momentum_derivative(load, slope[10:13], probe, slope[10:13])
+        _momentum_derivative(load, slope[10:], probe, slope[10:])
         share = dt / 6.0 if stage == 0 or stage == 3 else dt / 3.0
         reach = dt if stage == 2 else 0.5 * dt
         for i in range(n):
@@ -245,7 +245,7 @@ def advance(
         momentum_x = start_x + reach * slope[10]
         momentum_y = start_y + reach * slope[11]
         momentum_z = start_z + reach * slope[12]
-    body_rates(geometry, inverse, rate_after, following[10:13], out)
+    body_rates(geometry, inverse, rate_after, following[10:], out)
     for i in range(10):
         out[i] = following[i]
     scale = 1.0 / np.sqrt(out[3] * out[3] + out[4] * out[4] + out[5] * out[5] + out[6] * out[6])

@@ -50,7 +50,7 @@ def accelerometer(state: Array, control: Array, numbers: PlantModel, out: Array)
 @inlined
 def magnetometer(state: Array, control: Array, numbers: Array, out: Array) -> None:
     """The earth's field (3,) in the body frame [T], from that in the world."""
-    turn_into_body(state[3:7], numbers, out)
+    turn_into_body(state[3:], numbers, out)
 
 
 @inlined
@@ -62,7 +62,7 @@ def barometer(state: Array, control: Array, numbers: Array, out: Array) -> None:
 @inlined
 def gnss_velocity(state: Array, control: Array, numbers: Any, out: Array) -> None:
     """Velocity (3,) over ground in the world [m/s]."""
-    turn_into_world(state[3:7], state[7:10], out)
+    turn_into_world(state[3:], state[7:], out)
 
 
 def sensors(model: PlantModel) -> Mapping[str, SensorModel]:

@@ -167,7 +167,7 @@ class SkydiverPlant(Plant):
         """Empty while speed and body rate are those of a falling body."""
         if _is_sound(state, False):
             return ""
-        speed, rate = math.hypot(*state[7:10]), math.hypot(*state[10:13])
+        speed, rate = math.hypot(*state[7:10]), math.hypot(*state[10:])
         return f"the state left the model (speed {speed:.3g} m/s, body rate {rate:.3g} rad/s)"
 
     def mishap(self, state: Array) -> str:
@@ -183,7 +183,7 @@ class SkydiverPlant(Plant):
 def _is_sound(state: Array, upright: bool) -> bool:
     finite = True
     for value in state:
-        finite &= abs(value) < np.inf
+        finite &= np.isfinite(value)
     vx, vy, vz, wx, wy, wz = state[7], state[8], state[9], state[10], state[11], state[12]
     slow = vx * vx + vy * vy + vz * vz < LARGEST_SPEED_M_S**2
     falls = finite and slow and wx * wx + wy * wy + wz * wz < LARGEST_RATE_RAD_S**2
