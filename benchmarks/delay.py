@@ -25,8 +25,7 @@ def rmse_deg_s(scenario: Scenario, delay: int, compensated: int) -> float:
     errors = []
     for k in range(scenario.steps):
         waiting.append(controller.decide(state, reference.preview(k, controller.preview_steps + 1)).control)
-        before, held = held, plant.actuate(waiting.popleft(), held)
-        state = plant.step(state, before, held)
+        state, held = plant.advance(state, held, waiting.popleft())
         if (k + 1) * scenario.dt_s >= SETTLING_S:
             errors.append(plant.outputs(state)[tracked] - reference.preview(k + 1, 1)[0, 0])
     return float(np.rad2deg(np.sqrt(np.mean(np.square(errors)))))

@@ -34,8 +34,7 @@ def fly(seconds=6.0):
         result = controller.step(state, wanted[k : k + width])
         rates.append(state[12])
         controls.append(result.control)
-        before, applied = applied, plant.actuate(result.control, applied)
-        state = plant.step(state, before, applied)
+        state, applied = plant.advance(state, applied, result.control)
     return dt * np.arange(count), wanted[:count, 0], np.array(rates), np.array(controls)
 
 

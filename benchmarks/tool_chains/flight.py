@@ -62,8 +62,7 @@ def _decision(flight: Run, solve: Callable[[Program], Solve]) -> Callable[[], fl
         begin = time.process_time()
         decision = controller.decide(state, preview)
         taken = time.process_time() - begin
-        before, held = held, plant.actuate(decision.control, held)
-        state = plant.step(state, before, held)
+        state, held = plant.advance(state, held, decision.control)
         k += 1
         return taken
 

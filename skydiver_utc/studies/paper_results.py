@@ -122,8 +122,7 @@ def hand_push(one: Case) -> HandPush:
     pressed = plant.initial_control()
     pressed[2] = plant.maximum[2]
     for _ in range(round(_PUSHED_S / scenario.dt_s)):
-        before, held = held, plant.actuate(pressed, held)
-        state = plant.step(state, before, held)
+        state, held = plant.advance(state, held, pressed)
     return HandPush(
         bank_right_deg=round(float(np.rad2deg(np.arcsin(world_up(state)[1]))), 3),
         yaw_rate_deg_s=round(float(np.rad2deg(state[12])), 3),

@@ -24,8 +24,7 @@ def fly_delayed(scenario: Scenario, controller: Any, delay: int) -> tuple[Any, A
     states, applied = [state], [held]
     for k in range(scenario.steps):
         waiting.append(controller.decide(state, reference.preview(k, controller.preview_steps + 1)).control)
-        before, held = held, plant.actuate(waiting.popleft(), held)
-        state = plant.step(state, before, held)
+        state, held = plant.advance(state, held, waiting.popleft())
         states.append(state)
         applied.append(held)
     return np.array(states), np.array(applied)

@@ -193,8 +193,7 @@ def held_for(name, alpha, seconds):
     state, applied = plant.initial_state(), plant.initial_applied()
     command = np.array([0.5, 0.0, 0.0, alpha])
     for _ in range(round(seconds / scenario.dt_s)):
-        before, applied = applied, plant.actuate(command, applied)
-        state = plant.step(state, before, applied)
+        state, applied = plant.advance(state, applied, command)
     return state
 
 

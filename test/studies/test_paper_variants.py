@@ -27,8 +27,7 @@ def controls(scenario: Scenario, first_step: int = RIGHT_TURN) -> NDArray[np.flo
     found = []
     for k in range(first_step, first_step + STEPS):
         control = controller.decide(state, reference.preview(k, controller.preview_steps + 1)).control
-        before, applied = applied, plant.actuate(control, applied)
-        state = plant.step(state, before, applied)
+        state, applied = plant.advance(state, applied, control)
         found.append(control)
     return np.array(found)
 

@@ -112,7 +112,7 @@ class SkydiverPlant(Plant):
     def advance(self, state: Array, before: Array, command: Array) -> tuple[Array, Array]:
         """State (13,) and the actuators' state (5,) one step later, under a command (4,)."""
         out = np.empty(STATE_SIZE + 5)
-        self._advanced(state, before, command, out)
+        self._advanced(state, before, np.ascontiguousarray(command, dtype=float), out)
         return out[:STATE_SIZE], out[STATE_SIZE:]
 
     @cached_property
