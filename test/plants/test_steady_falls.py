@@ -326,3 +326,40 @@ def test_turning_grows_with_alpha_and_falls_with_damping():
     found = derivative(state_of(fall.up, fall.velocity, fall.rates))[12]
     assert yaw_acceleration(model, fall) == pytest.approx(found, rel=1e-6)
     assert found > 8.8
+
+
+def test_the_model_has_the_numbers_of_the_settings_times_their_ratios():
+    ratios = {"mass": 1.1, "inertia": 1.2, "drag_area": 1.3, "pattern": 0.9}
+    dampings = {"roll_damping": 1.4, "pitch_damping": 1.5, "yaw_damping": 0.8}
+    plain, scaled = (
+        skydiver(**{f"ratios__{name}": value for name, value in given.items()})
+        for given in ({}, ratios | dampings)
+    )
+    settings, dt_s = plain.plant, plain.dt_s
+    model, of_ratios = model_of(plain), model_of(scaled)
+    assert of_ratios.mass == pytest.approx(1.1 * model.mass)
+    middle = len(model.geometry) // 2  # alpha = 0
+    factors = np.ones(GEOMETRY_SIZE)
+    factors[3 * 16 : INERTIA_AT], factors[INERTIA_AT : INERTIA_AT + 6] = 1.3, 1.2
+    factors[INERTIA_AT + 6 :] = 1.2 * 0.9
+    np.testing.assert_allclose(of_ratios.geometry[middle], factors * model.geometry[middle], atol=1e-12)
+    for found, ratio in ((of_ratios, dampings), (model, dict.fromkeys(dampings, 1.0))):
+        damping = settings.damping
+        volume = 0.5 * damping.reference_area_m2 * damping.reference_length_m**2
+        numbers = [found.damping_volume * factor for factor in (1.0, found.damping_roll, found.damping_pitch)]
+        assert numbers == pytest.approx(
+            [
+                ratio["yaw_damping"] * volume,
+                ratio["roll_damping"] * damping.Cm_damp_roll * volume,
+                ratio["pitch_damping"] * damping.Cm_damp_pitch * volume,
+            ]
+        )
+    assert (model.half_density, model.gravity) == (0.5 * settings.air.density_kg_m3, 9.80665)
+    assert (model.hand_force, model.hand_arm) == (-settings.hands.K_N, settings.hands.lx_m)
+    assert model_of(skydiver(hands__force="dorsal")).hand_force == settings.hands.K_N
+    assert (model.alpha_slew, model.alpha_acceleration) == (
+        settings.limits.alpha_rate * dt_s,
+        settings.limbs.alpha_acceleration,
+    )
+    low, high = settings.limits.alpha
+    assert (model.alpha_first, model.nodes_per_rad) == (low, pytest.approx(64 / (high - low)))
