@@ -136,7 +136,7 @@ def assert_same(expected: Any, actual: Any) -> None:
             assert_same(float(one) if isinstance(one, np.floating) else one, other)
 
 
-def refused(words: str, path: Path, topics: list[str] | None = None) -> None:
+def refused(words: str | list[str], path: Path, topics: list[str] | None = None) -> None:
     """The bag cannot be read; the error is one sentence with these words."""
     assert_refused(words, read_bag, path, topics, kind=RecordingError)
 
@@ -331,13 +331,13 @@ def test_what_is_not_a_bag(tmp_path):
     (tmp_path / "texts" / "notes.txt").touch()
     for name, reason in {
         "absent": "does not exist",
-        "empty": r"no \.mcap file",
-        "texts": r"no \.mcap file",
+        "empty": "no .mcap file",
+        "texts": "no .mcap file",
         "notes.mcap": "not an MCAP file",
         "nothing.mcap": "not an MCAP file",
         "/proc/self/mem": "cannot be read",
     }.items():
-        refused(f"{name} .*{reason}", tmp_path / name)
+        refused([name, reason], tmp_path / name)
 
 
 @pytest.mark.parametrize(
