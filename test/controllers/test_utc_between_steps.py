@@ -87,6 +87,7 @@ def test_equal_bounds_freeze_a_control():
         result = drive.step(x, [0.5, 0.5])
         assert result.control[1] == 0.3
         assert result.grown == ()
+        assert "control 1" not in result.sentence
         assert result.status is not Status.REPAIRED
         x = np.array([x[0] + 0.1 * result.control[0], 0.5])
     assert x[0] == pytest.approx(0.5, abs=1e-3)

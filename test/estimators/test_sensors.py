@@ -84,6 +84,21 @@ def test_an_accelerometer_measures_the_acceleration_without_gravity(skydiver):
         np.testing.assert_allclose(reading.values, expected, rtol=1e-3, atol=0.05)
 
 
+def test_an_accelerometer_feels_the_air_on_moving_limbs_and_disturbs_no_step():
+    """The sum of the forces on the segments; the step after it is the one without it."""
+    scenario = load_scenario("fast_turn_gyro_accelerometer", {"plant.limbs.reaction": True})
+    plant, state = build_plant(scenario), random_state(np.random.default_rng(7))
+    before, applied = np.array([0.5, 0.1, 0.3, 0.4, -3.0]), np.array([0.6, 0.2, 0.1, 0.41, 3.0])
+    still = np.array([0.5, 0.1, 0.3, 0.2, 0.0])
+    sensors = {"accelerometer": SensorSettings(rate_Hz=200.0, noise=1e-12)}
+    expected = plant.step(state, still, still)
+    control = plant.step_control(before, applied)
+    (reading,) = Sensors(sensors, plant, scenario.dt_s, 0).read(0, state, state, control)
+    np.testing.assert_array_equal(plant.step(state, still, still), expected)
+    force = Rotation.from_quat(state[3:7]).inv().apply(plant.shape_forces(state, applied).sum(axis=0))
+    np.testing.assert_allclose(reading.values, force / plant.constants.mass, rtol=1e-9)
+
+
 def test_the_others_measure_rates_field_pressure_and_velocity(skydiver):
     scenario, plant = skydiver
     names = ("gyroscope", "magnetometer", "barometer", "gnss_velocity")

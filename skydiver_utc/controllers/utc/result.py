@@ -105,8 +105,7 @@ class UtcResult:
     @property
     def _distance(self) -> str:
         """The distance to the reference, in the output's unit, and in that of P_err where this is far."""
-        worst = int(np.argmax(np.abs(self.normalised_innovation)))
-        far = abs(self.normalised_innovation[worst])
+        far = np.abs(self.normalised_innovation).max()
         of_unit = f", {far:.3g} sqrt(P_err)," if far > LARGE else ""
         text = f"the reference is {np.abs(self.innovation).max():.3g}{of_unit} from the predicted output"
         apart = np.abs(self.of_control - self.mean_output)
