@@ -393,6 +393,16 @@ def test_compared_with_its_own_output_a_control_answers_for_the_mean_of_points_a
     np.testing.assert_allclose(result.innovation, wanted - answer, rtol=1e-9)
 
 
+@pytest.mark.parametrize(("wanted", "told"), [(2.2, False), (2.29, True)])
+def test_a_reference_within_three_deviations_counts_as_reached(wanted, told):
+    """Outputs to 2; the predicted mean comes to 2.7 and 3.6 times sqrt(P_err) near to these."""
+    drive = controller(
+        lambda x, u, dt: np.array([u[0] + u[1]]), None, state=[0.0], control=[1.0, 1.0], horizon=1, P_err=0.01
+    )
+    found = {drive.step([0.0], wanted).status for _ in range(80)}
+    assert (Status.NOT_REACHED in found) is told
+
+
 @pytest.mark.parametrize(("horizon", "patience"), [(3, 50), (8, 80)])
 def test_a_reference_that_is_not_reached_is_told_in_time_and_controls_are_tried_singly(horizon, patience):
     """Output u0 + u1 of at most 2, wanted at 10: after the step to the bound nothing shrinks any more."""
@@ -410,6 +420,8 @@ def test_a_reference_that_is_not_reached_is_told_in_time_and_controls_are_tried_
     assert together.index(False) == patience + 2
     assert all(told[patience + 1 :])
     assert not any(together[patience + 2 :])
+    assert drive.step([0.0], 10.2).status is Status.NOT_REACHED
+    assert drive.step([0.0], 10.4).status is not Status.NOT_REACHED
     drive.step([0.0], 1.0)
     moved = np.abs(drive.step([0.0], 1.0).sigma_points - drive.control) > 1e-9
     assert (moved.sum(axis=1) > 1).any()

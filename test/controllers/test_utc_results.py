@@ -62,6 +62,11 @@ def test_a_horizon_beyond_the_dead_time_has_an_effect():
     assert states[-1, 0] == pytest.approx(0.5, abs=1e-3)
 
 
+def test_an_effect_at_one_step_of_the_horizon_is_enough():
+    drive = controller(delayed, first, state=np.zeros(11), horizon=(1, 14))
+    assert drive.step(np.zeros(11), 0.1).status is Status.SOLVED
+
+
 def test_a_result_holds_what_led_to_it():
     """On a linear plant y = 0.8 u: the gain is Pu b / (b Pu b + P_err), the outputs are those of the points."""
     drive = controller(straight, None, state=[0.0], P_err=0.01, Pu=0.04)
