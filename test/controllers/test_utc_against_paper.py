@@ -9,6 +9,7 @@ from carts import controller
 from scipy.spatial.transform import Rotation
 
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
+from skydiver_utc.controllers.utc.dynamics import incremental
 from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import load_scenario
 
@@ -224,3 +225,18 @@ def test_the_row_of_the_damping_grows_with_the_acceleration_ahead(change, share)
     expected[:, 0] = expected[0, :]
     np.testing.assert_allclose(np.abs(tried.process_noise(preview, INITIAL)), expected, rtol=1e-12)
     np.testing.assert_array_equal(np.abs(tried.initial_covariance(preview)), 10.0 * full)
+
+
+@pytest.mark.parametrize("j", [0, 1])
+def test_proportional_dynamics_are_those_printed(j):
+    """eq:m1utc where no rate limit cuts it, for control 2 and output 1."""
+    rng = np.random.default_rng(j)
+    point, before, y, y_before, preview = (rng.normal(size=size) for size in (4, 4, 5, 5, (6, 1)))
+    found, K_p, K_FF, tau = np.empty(4), 3.7, 0.6, 2
+    incremental(
+        point, before, np.zeros(3), y, y_before, preview, j, np.array([2.0, 1.0, K_p, K_FF, tau]), found
+    )
+    r, expected = preview[:, 0], point.copy()
+    expected[2] = (point if j == 0 else before)[2] + K_p * (r[j + 1] - r[j]) - K_p * (y[1] - y_before[1])
+    expected[2] += K_FF * (r[j + 1 + tau] - r[j + tau])
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
