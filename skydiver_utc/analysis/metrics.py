@@ -6,19 +6,17 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skydiver_utc.analysis.estimation import estimation_metrics
 from skydiver_utc.analysis.numbers import finite, largest, recorded, root_mean_square, settled, time_of
 from skydiver_utc.analysis.skydiver import skydiver_metrics
+from skydiver_utc.arrays import Array
 from skydiver_utc.loop.outcome import REACHED_THE_END
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters.nanoseconds import seconds
 
 SCHEMA_VERSION = 3
 CONVERGED_SHARE = 0.05
-
-Floats = NDArray[np.float64]
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a run that diverges: a figure that overflows is None
@@ -142,7 +140,7 @@ def _degrees(radians: float | None) -> float | None:
     return None if radians is None else finite(math.degrees(radians))
 
 
-def _solve_time_us(solve_time_s: Floats) -> dict[str, float | None]:
+def _solve_time_us(solve_time_s: Array) -> dict[str, float | None]:
     """Median and 99th percentile of the calls whose time is known [us]."""
     known = solve_time_s[np.isfinite(solve_time_s)] * 1e6
     if not len(known):

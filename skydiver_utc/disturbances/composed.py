@@ -5,14 +5,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.disturbances.air import in_moving_air
 from skydiver_utc.disturbances.protocol import STILL_AIR, Disturbance
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.plants.protocol import Plant
-
-Array = NDArray[np.float64]
 
 
 class Composed(Disturbance):

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.protocol import Controller, Decision
 from skydiver_utc.disturbances.protocol import Disturbance
 from skydiver_utc.estimators.protocol import Estimator
 from skydiver_utc.loop.estimation import Estimation
 from skydiver_utc.plants.protocol import Plant
-
-Array = NDArray[np.float64]
 
 
 class Decider:

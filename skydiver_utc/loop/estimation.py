@@ -5,14 +5,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.disturbances.protocol import Disturbance
 from skydiver_utc.estimators.protocol import Estimator
 from skydiver_utc.estimators.true_state import TrueState
 from skydiver_utc.plants.protocol import Plant
-
-Array = NDArray[np.float64]
 
 
 class Estimation:

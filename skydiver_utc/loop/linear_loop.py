@@ -4,15 +4,13 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.utc.settings import UtcSettings
 from skydiver_utc.controllers.utc.unscented_transform_controller import UnscentedTransformController
 from skydiver_utc.plants.linear import LinearModel, linear_outputs, linear_step
 from skydiver_utc.plants.protocol import Model, Plant
 from skydiver_utc.theory.stability import Stability
-
-Array = NDArray[np.float64]
 
 _W0 = 0.25
 # A free run is followed until the distance from rest has shrunk this far, within these numbers of steps.

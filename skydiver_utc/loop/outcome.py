@@ -3,9 +3,7 @@
 
 from enum import Enum
 
-import numpy as np
-from numpy.typing import NDArray
-
+from skydiver_utc.arrays import Array
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plants.protocol import Plant
 
@@ -31,7 +29,7 @@ class OutcomeMonitor:
         self.outcome = Outcome.COMPLETED
         self.reason = f"{scenario.steps} steps done"
 
-    def observe(self, k: int, state: NDArray[np.float64]) -> bool:
+    def observe(self, k: int, state: Array) -> bool:
         """Check the state (n,) at step k; False when the run cannot go on."""
         if self._plant.is_sound(state):
             return True

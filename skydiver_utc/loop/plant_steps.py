@@ -4,15 +4,13 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.loop.build import build_disturbances, build_sensors, build_true_plant
 from skydiver_utc.loop.outcome import Outcome, OutcomeMonitor
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plants.protocol import Plant
-
-Array = NDArray[np.float64]
 
 
 def states_to_push(plant: Plant) -> tuple[str, ...]:

@@ -16,18 +16,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.loop.outcome import Outcome
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Neutral:
     """The path of the command when no new one comes: in a straight line to `control` (m,)."""
 
-    control: Vector
+    control: Array
     after_steps: int  # for so long the last command is held
     ramp_steps: int
 
@@ -58,7 +56,7 @@ class CommandAccount:
         """True while commands have stopped for so long that the command in force goes to neutral."""
         return self.silence > self._neutral.after_steps
 
-    def receive(self, answers: int, command: Vector) -> None:
+    def receive(self, answers: int, command: Array) -> None:
         """A command (m,) that answers a state published already."""
         if self._answered[answers]:
             self.repeated += 1
@@ -72,7 +70,7 @@ class CommandAccount:
         self.newest = answers
         self._newest_command = command.copy()
 
-    def choose(self) -> Vector:
+    def choose(self) -> Array:
         """The command (m,) in force over the next step."""
         k = self.steps
         self.steps += 1
@@ -83,7 +81,7 @@ class CommandAccount:
             return self._newest_command
         self.neutral_steps += 1
         share = min(1.0, (self.silence - self._neutral.after_steps) / max(1, self._neutral.ramp_steps))
-        command: Vector = self._newest_command + share * (self._neutral.control - self._newest_command)
+        command: Array = self._newest_command + share * (self._neutral.control - self._newest_command)
         return command
 
     def as_dict(self) -> dict[str, int]:
@@ -110,7 +108,7 @@ class RealTimePace:
         self,
         account: CommandAccount,
         dt_ns: int,
-        step: Callable[[Vector], bool],
+        step: Callable[[Array], bool],
         now_ns: Callable[[], int],
     ) -> None:
         self.account = account

@@ -8,14 +8,13 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.protocol import DIVERGED_POINTS, Status
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plants.protocol import Plant
 
-Array = NDArray[np.float64]
 _DELAY = "delay_steps"
 # The arrays with a row for each state, and for each step.
 _OF_STATES = ("states", "reference", "disturbance")

@@ -5,11 +5,9 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.utc.settings import Coupling
-
-Array = NDArray[np.float64]
 
 # In a straight fall the yaw damping must still be tried.
 _LEAST_DEMAND = 0.02

@@ -6,9 +6,10 @@ from itertools import compress
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from typing_extensions import Self
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.limits import limits_of
 from skydiver_utc.controllers.protocol import DIVERGED_POINTS, Decision, Status
 from skydiver_utc.controllers.utc.construction import (
@@ -31,7 +32,6 @@ from skydiver_utc.parameters.conversion import checked
 from skydiver_utc.plants.function import FunctionPlant, numbers
 from skydiver_utc.plants.protocol import Plant
 
-Array = NDArray[np.float64]
 # How fast a control goes to its value after the reference, as a share of its rate limit, so that nothing jerks.
 _SHARE_OF_RATE_AFTER_REFERENCE = 0.1
 _STATUS, _RECOVERY = tuple(Status), tuple(Recovery)

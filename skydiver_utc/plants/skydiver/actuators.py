@@ -4,12 +4,8 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import call, contents, unfused
-
-Array = NDArray[np.float64]
 
 
 class Advance(NamedTuple):

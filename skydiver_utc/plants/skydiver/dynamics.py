@@ -16,8 +16,8 @@ alpha' is zero and this is the rigid body.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import inlined, kernel
 from skydiver_utc.plants.skydiver.model import (
     GEOMETRY_SIZE,
@@ -26,8 +26,6 @@ from skydiver_utc.plants.skydiver.model import (
     SWING_AT,
     PlantModel,
 )
-
-Array = NDArray[np.float64]
 
 STATE_SIZE = 13
 _DRIFT_SIZE = 3 * SEGMENT_COUNT

@@ -6,12 +6,10 @@ axes across the vertical, so that no attitude is singular.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.plants.skydiver.model import PlantModel
 from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall
-
-Array = NDArray[np.float64]
 
 STATES = (
     "tilt to the side",

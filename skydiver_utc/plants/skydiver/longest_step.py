@@ -4,13 +4,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import for_rows
 from skydiver_utc.plants.protocol import Model
 from skydiver_utc.rotations import world_up
-
-Array = NDArray[np.float64]
 
 # Classical Runge-Kutta is stable to 2.785 on the negative real axis (Hairer and Wanner, Solving Ordinary Differential
 # Equations II, IV.2). A seventh less, for falls that are faster than the straight one.

@@ -4,15 +4,13 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.body.movement import Movement, movement
 from skydiver_utc.body.posture import inertia_of, limb_momentum, place
 from skydiver_utc.body.segments import Body, build_body
 from skydiver_utc.jit import kernel
 from skydiver_utc.parameters import SkydiverSettings
-
-Array = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.80665
 # Numbers per posture: three coordinates and six entries of the drag-area matrix for each of the 16 segments,

@@ -5,12 +5,10 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.plants.skydiver.linearise import STATES, tilt_axes
 from skydiver_utc.plants.skydiver.steady import SteadyFall
-
-Array = NDArray[np.float64]
 
 _MOTIONS = ("roll", "pitch", "yaw", "fall rate", "glide", "slide")
 

@@ -4,8 +4,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.body.posture import ANGLES, joint_ranges, joint_rows, pattern_direction
 from skydiver_utc.body.segments import JOINTS, Body, build_body
 from skydiver_utc.jit import address, call, kernel, program
@@ -15,8 +15,6 @@ from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, SWING_AT, PlantMod
 from skydiver_utc.plants.skydiver.pattern_kinds import DEFAULT_KIND, PAIRED, PatternKind
 from skydiver_utc.plants.skydiver.steady import straight_down
 from skydiver_utc.plants.skydiver.trim import DECIMALS, Trim
-
-Array = NDArray[np.float64]
 
 _LARGEST_COMPONENT = 0.55
 # Kept from the joint limits, so that rounding in a file does not pass them.

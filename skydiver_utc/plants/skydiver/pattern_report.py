@@ -4,8 +4,8 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.body.segments import build_body
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plants.skydiver.linearise import linearise
@@ -61,8 +61,6 @@ def _of_steady(held: HeldBody, fall: SteadyFall) -> dict[str, Any]:
         "yaw_rate_deg_s": float(np.rad2deg(fall.yaw_rate)),
     }
 
-
-Array = NDArray[np.float64]
 
 # What a positive value of each acceleration is called, in a fall belly to earth.
 EFFECTS = ("headwards", "to the left", "slower fall", "rolls to the right", "head down", "turns left")

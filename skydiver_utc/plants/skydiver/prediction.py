@@ -1,15 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """One step of the skydiver and its outputs, as programs: the plant and the controllers' model run the same ones."""
 
-import numpy as np
-from numpy.typing import NDArray
-
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import inlined
 from skydiver_utc.plants.skydiver.dynamics import advance
 from skydiver_utc.plants.skydiver.model import PlantModel
 from skydiver_utc.rotations import up_of_quaternion
-
-Array = NDArray[np.float64]
 
 
 @inlined

@@ -7,16 +7,14 @@ which x and y suffice while the dorsal axis points above the horizon. Order: up 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import unfused
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.plants.skydiver.dynamics import STATE_SIZE
 from skydiver_utc.plants.skydiver.model import PlantModel
 from skydiver_utc.plants.skydiver.steady import SteadyFall, straight_falls
 from skydiver_utc.rotations import attitude_with_up, up_of_quaternion
-
-Array = NDArray[np.float64]
 
 
 @unfused

@@ -2,13 +2,12 @@
 """The forces of the air on the segments, one by one: those that the equations of motion add up."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.body.segments import SEGMENTS
 from skydiver_utc.plants.skydiver.dynamics import posture_geometry, segment_drift
 from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, SEGMENT_COUNT, PlantModel
 
-Array = NDArray[np.float64]
 _NAMES = [segment.name for segment in SEGMENTS]
 _HANDS = [_NAMES.index("right_hand"), _NAMES.index("left_hand")]
 # The six entries of a segment's drag-area matrix, in the order of the table, as rows.

@@ -8,15 +8,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.jit import inlined
 from skydiver_utc.plants.protocol import SensorModel
 from skydiver_utc.plants.skydiver.dynamics import body_load, posture_geometry, segment_drift
 from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, SEGMENT_COUNT, PlantModel
 from skydiver_utc.rotations import turn_into_body, turn_into_world
-
-Array = NDArray[np.float64]
 
 _AXES = ("x", "y", "z")
 _DRIFT_SIZE = 3 * SEGMENT_COUNT

@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.body.movement import check_movement, movement
 from skydiver_utc.body.posture import configuration, joint_angle_names
 from skydiver_utc.body.segments import SEGMENTS, build_body, ellipsoids
@@ -27,8 +27,6 @@ from skydiver_utc.plants.skydiver.segment_forces import segment_forces
 from skydiver_utc.plants.skydiver.sensors import sensors
 from skydiver_utc.plants.skydiver.table_error import refuse_coarse_table
 from skydiver_utc.rotations import up_of_quaternion, world_up
-
-Array = NDArray[np.float64]
 
 # A body faster than this has left the model, whatever its numbers say.
 LARGEST_SPEED_M_S = 500.0

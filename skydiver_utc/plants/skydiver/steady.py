@@ -10,8 +10,8 @@ speed and its up direction follow from weight = force.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.plants.skydiver.dynamics import (
     STATE_SIZE,
@@ -21,8 +21,6 @@ from skydiver_utc.plants.skydiver.dynamics import (
 )
 from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, PlantModel
 from skydiver_utc.rotations import attitude_with_up, world_up
-
-Array = NDArray[np.float64]
 
 # What may be left of linear [m/s2] and angular [rad/s2] acceleration.
 LARGEST_RESIDUAL = 1e-6

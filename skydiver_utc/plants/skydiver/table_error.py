@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.body.movement import Movement
 from skydiver_utc.parameters import ParameterError, PosturePath, SkydiverSettings
 from skydiver_utc.plants.skydiver.dynamics import posture_geometry
@@ -18,8 +19,6 @@ from skydiver_utc.plants.skydiver.model import (
     dressed_body,
     posture_row,
 )
-
-Array = NDArray[np.float64]
 
 # A tenth of what half a degree, the tolerance of measured joint angles, moves a hand; and of a body's 10 kg m2 as
 # small a part as that is of its size.

@@ -4,15 +4,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.body.posture import joint_ranges, joint_rows, posture_angles
 from skydiver_utc.body.segments import JOINTS, Body, build_body
 from skydiver_utc.parameters import ParameterError, Posture, Scenario
 from skydiver_utc.plants.skydiver.model import PlantModel, build_model, held_row
 from skydiver_utc.plants.skydiver.steady import LARGEST_RESIDUAL, HeldBody
-
-Array = NDArray[np.float64]
 
 # Decimals of a degree, and of a component: rounding leaves less than 1e-6 of acceleration.
 DECIMALS = 9

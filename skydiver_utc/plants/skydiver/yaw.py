@@ -2,12 +2,10 @@
 """The effect of the turning pattern on a straight fall: yaw acceleration at once, steady yaw rate in the end."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skydiver_utc.arrays import Array
 from skydiver_utc.plants.skydiver.model import PlantModel
 from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall, steady_turn
-
-Array = NDArray[np.float64]
 
 # Steps in pattern angle in which a steady fall is followed from one reported angle to the next.
 _STEPS = 6
