@@ -3,7 +3,7 @@
 
 Paper: A. Clarke, P.-O. Gutman, "The Unscented Transform Controller: a new model predictive control
 law for highly nonlinear systems". Every function restates the equation that it transcribes, under
-the LaTeX label of the paper. Plain NumPy and SciPy, one sigma point at a time, no thought for speed.
+the LaTeX label of the paper. Plain NumPy, one sigma point at a time, no thought for speed.
 
 This module must never import the code under test.
 

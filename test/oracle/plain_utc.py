@@ -74,7 +74,7 @@ def predict(points: Array, W: Array, Qu: Array) -> tuple[Array, Array]:
 
 
 class Updated(NamedTuple):
-    U: Array  # before bounds and slew rate
+    U: Array  # of `update` before bounds and slew rate, of `step` after both
     Pu: Array  # neither repaired nor symmetrised
     Ypred: Array
 
@@ -88,18 +88,18 @@ def update(U: Array, Pu: Array, points: Array, Y: Array, W: Array, wanted: Array
     return Updated(U + K @ (wanted - Ypred), Pu - K @ C_y @ K.T, Ypred)
 
 
+def bounded(point: Array, U: Array, p: Problem) -> Array:
+    """eq:movep, where the mean itself lies on the bound that the point passes; then eq:minmax_utc."""
+    beyond = ((U == p.low) & (point < p.low)) | ((U == p.high) & (point > p.high))
+    return np.clip(np.where(beyond, 1.5 * U - 0.5 * point, point), p.low, p.high)
+
+
 def step(U: Array, Pu: Array, x: Array, preview: Array, Qu: Array, p: Problem) -> Updated:
     """U and Pu after the step, and the mean output; row j of the preview is wanted j steps from now."""
-    m, points = len(U), []
-    for point in sigma_points(U, Pu, p.W0, p.floor):
-        moved = point.copy()
-        for j in range(m):
-            if (U[j] == p.low[j] and point[j] < p.low[j]) or (U[j] == p.high[j] and point[j] > p.high[j]):
-                moved[j] = 1.5 * U[j] - 0.5 * point[j]  # eq:movep
-        points.append(np.clip(moved, p.low, p.high))  # eq:minmax_utc
+    points = [bounded(point, U, p) for point in sigma_points(U, Pu, p.W0, p.floor)]
     runs = [to_the_horizon(point, U, x, preview, p) for point in points]
     saved = np.array([run[1] for run in runs])
     Y = np.array([np.concatenate([run[0], run[1][list(p.drawn)]]) for run in runs])
-    wanted, W = np.concatenate([*(preview[j] for j in p.steps), p.rest]), weights(m, p.W0)
+    wanted, W = np.concatenate([*(preview[j] for j in p.steps), p.rest]), weights(len(U), p.W0)
     found = update(*predict(saved, W, Qu), saved, Y, W, wanted, p.P_err)
     return found._replace(U=limit(found.U, U, p))

@@ -80,6 +80,32 @@ def problem(steps, low=-UNBOUNDED, high=UNBOUNDED, change=UNBOUNDED, **more):
     )
 
 
+@pytest.mark.parametrize(("m", "W0"), [(1, 0.0), (2, 0.25), (4, 0.6), (7, 0.25)])
+def test_sigma_points_carry_mean_and_covariance(m, W0):
+    U, P = np.arange(1.0, m + 1), dense_covariance(m, m)
+    points, W = plain_utc.sigma_points(U, P, W0), plain_utc.weights(m, W0)
+    mean, covariance = plain_utc.predict(points, W, np.zeros((m, m)))
+    np.testing.assert_allclose(mean, U, rtol=1e-13)
+    np.testing.assert_allclose(covariance, P, rtol=1e-12, atol=1e-12)
+    by_hand = plain_utc.sigma_points(np.array([10.0, 20.0]), np.diag([4.0, 9.0]), 0.5)  # sqrt(2 / .5) = 2
+    np.testing.assert_allclose(by_hand, [[10, 20], [14, 20], [10, 26], [6, 20], [10, 14]], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("point", "moved"),
+    [
+        # 1.5 (.01) + .5 = .515; mean inside: clipped to 0; 1.5 (5) - 3.5 = 4; 1.5 (1.5) - .85 = 1.4
+        ([-1.0, -3.0, 7.0, 1.7], [0.515, 0.0, 4.0, 1.4]),
+        ([3.0, 6.0, 1.0, -1.9], [3.0, 5.0, 1.0, -1.5]),
+        ([0.5, 0.0, 0.0, 9.0], [0.5, 0.0, 0.0, -1.5]),  # a long excess passes the opposite bound
+    ],
+)
+def test_points_move_off_a_bound_only_where_the_mean_sits_on_it(point, moved):
+    p = problem((1,), np.array(pu.U_MIN), np.array(pu.U_MAX))
+    found = plain_utc.bounded(np.array(point), np.array([0.01, 2.0, 5.0, 1.5]), p)
+    np.testing.assert_allclose(found, moved, rtol=1e-14)
+
+
 def test_a_held_alpha_ramps_at_the_slew_rate_and_ends_in_the_linear_recursion():
     """All steps of the horizon as outputs, with alpha from .1 to .5; then forty steps at rest in alpha."""
     point, rate = np.array([0.5, 1.0, 2.0, 0.5]), np.array([np.inf, np.inf, np.inf, 3.5 * DT])
@@ -136,7 +162,7 @@ def test_an_unbounded_linear_step_is_the_closed_form(m, outputs, noise):
         U, Pu, np.zeros(outputs), np.zeros(4), Qu, lambda x, u, dt: B @ u, lambda x: x, lambda x: float(x[0]), s, r
     )  # fmt: skip
     expected = pu.linear_oracle(U, Pu, B, R, r)
-    assert np.abs(step.U - expected).max() <= 1e-11 * max(1.0, np.abs(expected).max())
+    assert np.abs(step.U - expected).max() <= 1e-12 * max(1.0, np.abs(expected).max())
     assert np.abs(step.U - U).max() > 1e-3
     C_y = B @ Pu @ B.T + R
     gain = Pu @ B.T @ np.linalg.inv(C_y)
