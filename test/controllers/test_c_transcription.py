@@ -15,7 +15,7 @@ needs_compiler = pytest.mark.skipif(compiler() is None, reason="there is no C co
 
 
 @needs_compiler
-@pytest.mark.parametrize(("steps", "flags"), [(5, FLAGS), (20, ("-O1",))], ids=str)
+@pytest.mark.parametrize(("steps", "flags"), [(5, ("-O1",)), (20, FLAGS)], ids=str)
 def test_c_flies_the_fast_turn_as_the_package_does(steps, flags):
     """Controls, predictions and deviations of U over two seconds, C with U and Pu of its own throughout."""
     scenario = load_scenario(FAST, {"duration_s": 2.0, "controller.horizon_steps": steps})

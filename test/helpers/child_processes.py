@@ -11,11 +11,15 @@ PATIENCE_S = 150.0
 
 
 def wait_until(condition: Callable[[], object], process: "subprocess.Popen[str] | None" = None) -> None:
-    """Until a condition holds that other threads or processes, one of which goes on until then, bring about."""
+    """Until a condition holds that other threads or processes bring about; a process that ends before failed."""
     deadline = time.monotonic() + PATIENCE_S
     while not condition():
-        assert process is None or process.poll() is None, "the process has ended"
-        assert time.monotonic() < deadline, "the condition did not come true"
+        if time.monotonic() > deadline or (process is not None and process.poll() is not None):
+            said = ""
+            if process is not None:
+                process.kill()
+                said = f": {process.communicate()}"
+            raise AssertionError(f"the condition did not come true{said}")
         time.sleep(0.02)
 
 

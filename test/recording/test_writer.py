@@ -214,8 +214,10 @@ def test_writing_is_no_real_time_work(tmp_path: Path, monkeypatch: pytest.Monkey
     asked: list[object] = []
     monkeypatch.setattr(os, "sched_getscheduler", [policy].__getitem__)
     monkeypatch.setattr(os, "sched_setscheduler", lambda *given: asked.append(given))
+    before = set(threading.enumerate())
     with BagWriter(tmp_path / "bag"):
-        assert all(t.daemon for t in threading.enumerate() if t is not threading.main_thread())
+        own = set(threading.enumerate()) - before
+    assert [thread.daemon for thread in own] == [True]
     assert asked == ([] if policy == os.SCHED_OTHER else [(0, os.SCHED_OTHER, os.sched_param(0))])
 
 

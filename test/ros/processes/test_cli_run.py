@@ -77,7 +77,8 @@ def test_ctrl_c_leaves_a_recording_that_can_be_analysed(command: Command, tmp_pa
     bag = Bag(folder)
     assert bag.outcome()["outcome"] == "aborted"
     steps = bag.steps(topics.STATE)
-    assert steps == list(range(max(20, len(steps))))
+    assert len(steps) >= 20
+    assert steps == list(range(len(steps)))
     assert invoke("analyse", folder).exit_code == 0
 
 

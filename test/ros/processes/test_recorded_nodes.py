@@ -84,6 +84,17 @@ def test_a_recorder_interrupted_at_the_end_of_the_run_leaves_a_complete_bag(
     assert_complete(run.until_recorded())
 
 
+def test_a_recorder_interrupted_during_the_run_leaves_a_readable_bag(
+    ros: Ros, processes: Processes, tmp_path: Path
+) -> None:
+    run = Recorded(ros, processes, tmp_path, 600.0)
+    run.until_step(100)
+    run.recorder.signal(signal.SIGINT)
+    steps = run.until_recorded().steps(topics.STATE)
+    assert steps[:100] == list(range(100))
+    assert steps == list(range(len(steps)))
+
+
 def test_a_recorder_that_stands_still_misses_nothing(ros: Ros, processes: Processes, tmp_path: Path) -> None:
     """With the usual depth of 10 at the publishers, hundreds of steps would be missing.
 
