@@ -90,7 +90,7 @@ setup(
     entry_points={
         "console_scripts": [
             f"skydiver-utc = {NAME}.cli.main:main",
-            *(f"{node} = {NAME}.nodes.{node}:main" for node in NODES),
+            *(f"{node} = {NAME}.nodes.process:{node}" for node in NODES),
         ],
     },
 )

@@ -33,8 +33,8 @@ _LAST_LINES = 6
 NODE_CODE = """
 import sys
 sys.path[:] = [folder for folder in sys.path if folder]
-from skydiver_utc.nodes.{kind}_node import main
-sys.exit(main())
+from skydiver_utc.nodes.process import {kind}_node
+sys.exit({kind}_node())
 """
 PACKAGE_FOLDER = str(Path(skydiver_utc.__file__).resolve().parents[1])
 

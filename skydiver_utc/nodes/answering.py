@@ -15,6 +15,8 @@ from skydiver_utc.nodes.diagnostics import Rate
 from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.parameters import ParameterError
 
+_PATIENCE_S = 5.0
+
 
 class AnsweringNode(ScenarioNode):
     """Answers a step with its stamp; subscribes to its `inputs` only when it can answer.
@@ -26,7 +28,7 @@ class AnsweringNode(ScenarioNode):
 
     def build(self) -> None:
         """Before any step; a subclass goes on from here."""
-        self.answered, self.rate = -1, Rate()
+        self.answered, self.rate, self.received_at = -1, Rate(), time.monotonic()
         self.pending: tuple[int, Any, Any] | None = None
         self.inputs: list[Subscription] = []
         self.tuned = TunedScenario(self.scenario, getattr(self.settings, "delay_steps", 0))
@@ -101,6 +103,13 @@ class AnsweringNode(ScenarioNode):
             raise MessageError("scenario", str(error)) from error
         if self.answered >= 0 and different:
             self._publish_change()
+
+    def silence(self) -> str:
+        """One sentence where no step has come for long, during a run; else empty."""
+        silent_s = time.monotonic() - self.received_at
+        if 0 <= self.answered < self.scenario.steps - 1 and silent_s > _PATIENCE_S:
+            return f"nothing to answer after step {self.answered} for {silent_s:.1f} s"
+        return ""
 
     def begins_at(self, k: int) -> None:
         """Publish a change where this node begins after step 0, or with other parameters than the plant."""

@@ -26,7 +26,6 @@ from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.answering import AnsweringNode
 from skydiver_utc.nodes.controller_topics import ControllerTopics
 from skydiver_utc.nodes.diagnostics import Health, Level
-from skydiver_utc.nodes.process import run
 from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.parameters.nanoseconds import stamp_ns
 
@@ -227,8 +226,3 @@ class ControllerNode(AnsweringNode):
         started = preview_steps(self.scenario)
         chunk_steps = (self._previewed - 1 - started) // 2
         return max(self._needs, started + 1 + chunk_steps)
-
-
-def main() -> int:
-    """The executable controller_node."""
-    return run(ControllerNode)

@@ -26,7 +26,6 @@ from skydiver_utc.nodes.answering import AnsweringNode
 from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.lifecycle import NotNeededError
 from skydiver_utc.nodes.plant_topics import StampedTopic, state_topic
-from skydiver_utc.nodes.process import run
 from skydiver_utc.rotations import turn_into_body
 
 _RECENT = 200  # measurements of each sensor, by which the estimate is judged
@@ -210,8 +209,3 @@ def _fill_covariance(message: Any, state: Array, P: Array) -> None:
         turn_into_body(state[3:7], axis, row)  # rows of the matrix from body to world
     message.pose.covariance[:] = (J @ P[:6, :6] @ J.T).ravel()
     message.twist.covariance[:] = P[6:12, 6:12].ravel()
-
-
-def main() -> int:
-    """The executable estimator_node."""
-    return run(EstimatorNode)

@@ -57,8 +57,7 @@ class ScenarioNode(ManagedNode):
             self.done = False
             self.refused = ""
             self.look_s = look_s
-            self._id = uuid.uuid4().hex
-            self._started_at = self.received_at = time.monotonic()
+            self._id, self._started_at = uuid.uuid4().hex, time.monotonic()
             self._advertised: dict[Topic, Publisher] = {}
             self._begins: Timer | None = None
             self._cpu_percent = Rate(100.0 * time.process_time())
@@ -112,13 +111,6 @@ class ScenarioNode(ManagedNode):
 
     def missing(self) -> str:
         """The reason why this node waits, logged every few seconds; empty when it does not wait."""
-        return ""
-
-    def silence(self) -> str:
-        """One sentence where a run stands and nothing has come for long (`received_at`); else empty."""
-        k, silent_s = self.newest_step(), time.monotonic() - self.received_at
-        if 0 <= k < self.scenario.steps - 1 and silent_s > _PATIENCE_S:
-            return f"nothing after step {k} for {silent_s:.1f} s"
         return ""
 
     @property

@@ -23,7 +23,6 @@ from skydiver_utc.nodes.lifecycle import RefusedError
 from skydiver_utc.nodes.node import ScenarioNode, wait_for_subscribers
 from skydiver_utc.nodes.plant_display import PlantDisplay
 from skydiver_utc.nodes.plant_topics import PlantTopics
-from skydiver_utc.nodes.process import run
 from skydiver_utc.parameters import to_yaml
 
 _PROGRESS_PERIOD_S = 0.5
@@ -220,9 +219,13 @@ class PlantNode(ScenarioNode):
         if unmatched := self.unmatched():
             absent.append(f"no subscriber, or too few, of {', '.join(unmatched)}")
         if not absent and not self._partner_subscribes():
-            partner = topics.ESTIMATOR if self.scenario.has_estimator else topics.CONTROLLER
-            absent.append(f"no {partner} that is subscribed to {self._out.given.topic_name}")
+            absent.append(f"no {self._partner} that is subscribed to {self._out.given.topic_name}")
         return " and ".join(absent)
+
+    @property
+    def _partner(self) -> str:
+        """The node that takes this one's state or measurements."""
+        return topics.ESTIMATOR if self.scenario.has_estimator else topics.CONTROLLER
 
     def _partner_subscribes(self) -> bool:
         """True when a node that publishes estimates or commands is subscribed; other subscribers do not count."""
@@ -270,7 +273,7 @@ class PlantNode(ScenarioNode):
         self._display.publish(self.k, self._run.state, self._run.applied)
         if not goes_on:
             self._finish()
-        elif self.settings.progress and self.k % max(1, round(_PROGRESS_PERIOD_S / self.scenario.dt_s)) == 0:
+        elif self.settings.progress and self.k % self._progress_steps == 0:
             _print(self._report())
         return goes_on
 
@@ -284,6 +287,10 @@ class PlantNode(ScenarioNode):
             "controls": dict(zip(plant.control_names, self._run.control.tolist(), strict=True)),
             "late": None if account is None else account.steps - account.on_time,
         }
+
+    @property
+    def _progress_steps(self) -> int:
+        return max(1, round(_PROGRESS_PERIOD_S / self.scenario.dt_s))
 
     def _publish_state(self) -> None:
         self._out.publish_readings(self._run.readings or ())
@@ -344,8 +351,3 @@ def _print(line: dict[str, object]) -> None:
     """One JSON line on stdout; the run continues when the pipe is closed."""
     with suppress(BrokenPipeError):
         print(json.dumps(line), flush=True)
-
-
-def main() -> int:
-    """The executable plant_node."""
-    return run(PlantNode)

@@ -18,7 +18,6 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 
 from skydiver_utc.nodes.lifecycle import RefusedError, destroyed_on_error
 from skydiver_utc.nodes.node import given_parameters, wait_for_subscribers
-from skydiver_utc.nodes.process import run
 from skydiver_utc.nodes.topics import EACH_STEP
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.parameters.nanoseconds import NANOSECONDS
@@ -42,15 +41,13 @@ class PlayerNode(Node):
     `/clock` is published if the bag has no clock. A clock that another node publishes already is an error.
     """
 
-    KIND = "player"
-
     def __init__(
         self,
         context: Context | None = None,
         overrides: Mapping[str, object] | None = None,
         look_s: float = 0.0,
     ) -> None:
-        super().__init__(self.KIND, context=context)
+        super().__init__("player", context=context)
         with destroyed_on_error(self):
             self._open(resolve_player(given_parameters(self) | dict(overrides or {})), look_s)
 
@@ -166,8 +163,3 @@ def _quality(topic: RecordedTopic) -> QoSProfile:
         durability=QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE,
         reliability=QoSReliabilityPolicy.BEST_EFFORT if best_effort else QoSReliabilityPolicy.RELIABLE,
     )
-
-
-def main() -> int:
-    """The executable player_node."""
-    return run(PlayerNode)

@@ -12,7 +12,6 @@ from skydiver_utc.messages import MessageError
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.node import ScenarioNode
-from skydiver_utc.nodes.process import run
 from skydiver_utc.nodes.recorder_inputs import RawMessage, RecorderInput
 from skydiver_utc.nodes.run_monitor import RunMonitor
 from skydiver_utc.nodes.topics import RECORDED
@@ -283,8 +282,3 @@ class RecorderNode(ScenarioNode):
 
 def _count_of_run(received: _Received) -> int:
     return sum(each.topic.name not in _OF_ANY_NODE for each, _ in received)
-
-
-def main() -> int:
-    """The executable recorder_node."""
-    return run(RecorderNode)

@@ -12,8 +12,9 @@ from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.node import ScenarioNode
 from skydiver_utc.nodes.plant_topics import StampedTopic
-from skydiver_utc.nodes.process import run
 from skydiver_utc.parameters.nanoseconds import stamp_ns
+
+_PATIENCE_S = 5.0
 
 
 class ReferenceNode(ScenarioNode):
@@ -32,7 +33,7 @@ class ReferenceNode(ScenarioNode):
         self._reference = build_reference(self.scenario)
         self._chunk_steps: int = self.settings.chunk_steps
         self._count = preview_steps(self.scenario) + 2 * self._chunk_steps + 1
-        self._k = self._chunk = -1
+        self._k, self._chunk, self._received_at = -1, -1, time.monotonic()
         names = list(self._reference.outputs)
         points = [JointTrajectoryPoint() for _ in range(self._count)]
         self._preview = JointTrajectory(joint_names=names, points=points)
@@ -90,10 +91,12 @@ class ReferenceNode(ScenarioNode):
     def health(self) -> Health:
         """The step of the clock, and whether it advances."""
         values = {"step": self._k, "chunk": self._chunk}
+        silent_s = time.monotonic() - self._received_at
         if self._k < 0:
             return Health(Level.OK, "waiting for the clock", values)
-        silence = self.silence()
-        return Health(Level.WARN if silence else Level.OK, silence or "following the clock", values)
+        if self._k < self.scenario.steps and silent_s > _PATIENCE_S:
+            return Health(Level.WARN, f"no clock after step {self._k} for {silent_s:.1f} s", values)
+        return Health(Level.OK, "following the clock", values)
 
     def _is_matched(self) -> bool:
         """True when no message of the clock will be missed; a plant of one's own may publish no scenario."""
@@ -114,7 +117,7 @@ class ReferenceNode(ScenarioNode):
 
         A plant that retransmits its state repeats its clock: the chunk is repeated, too, in case it is missing.
         """
-        repeated, self._k, self.received_at = k == self._k, k, time.monotonic()
+        repeated, self._k, self._received_at = k == self._k, k, time.monotonic()
         if not self.active:
             return
         chunk = k // self._chunk_steps
@@ -126,8 +129,3 @@ class ReferenceNode(ScenarioNode):
         self._chunk = k0 // self._chunk_steps
         values = self._reference.preview(k0, self._count)
         self._previews.publish(fill_preview(self._preview, self.grid, k0, values))
-
-
-def main() -> int:
-    """The executable reference_node."""
-    return run(ReferenceNode)

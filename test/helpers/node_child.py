@@ -30,5 +30,4 @@ def _run(kind: str, arguments: list[str], environment: dict[str, str], log: str)
         os.dup2(source, number)
     # The folder of the process, as with `python -m`.
     sys.path.insert(0, os.getcwd())
-    sys.argv = [f"{kind}_node", *arguments]
-    sys.exit(import_module(f"skydiver_utc.nodes.{kind}_node").main())
+    sys.exit(import_module("skydiver_utc.nodes.process").run(kind, [f"{kind}_node", *arguments]))

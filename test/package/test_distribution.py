@@ -167,7 +167,7 @@ def test_ros2_run_reaches_the_module_where_there_is_no_script(tmp_path: Path) ->
     wrapper.symlink_to(ROOT / "ros2_run" / "plant_node")
     environment = {"PATH": f"{python.parent}:{os.environ['PATH']}"}
     done = subprocess.run([wrapper, "a"], env=environment, capture_output=True, text=True, check=True)
-    code = "from skydiver_utc.nodes.plant_node import main; raise SystemExit(main())"
+    code = "from skydiver_utc.nodes.process import plant_node; raise SystemExit(plant_node())"
     assert done.stdout == f"python: -c {code} a\n"
 
 
