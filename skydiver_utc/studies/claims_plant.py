@@ -11,6 +11,7 @@ _FOLLOWED_SHARE = 0.1
 
 
 def linear_control(results: PaperResults) -> Claim:
+    """Robust linear control: enough for simple maneuvers only."""
     slow = [results.of(one).rmse / amplitude(one) for one in (flown.LQR_SLOW, flown.POSE_SLOW)]
     fast = [results.of(one).rmse / amplitude(one) for one in (flown.LQR_FAST, flown.POSE_FAST)]
     both = results.of(flown.LQR_BOTH).rmse / amplitude(flown.LQR_SLOW)
@@ -30,6 +31,7 @@ def _shares(slow: float, fast: float) -> str:
 
 
 def pose_fails(results: PaperResults) -> Claim:
+    """Figure ff6."""
     fast = results.of(flown.POSE_FAST)
     return decided(
         "The pose controller with constant damping cannot track the fast turn (`ff6`)",
@@ -41,6 +43,7 @@ def pose_fails(results: PaperResults) -> Claim:
 
 
 def posture_alone(results: PaperResults) -> Claim:
+    """Why further controls are needed."""
     found = results.of(flown.POSTURE_ALONE)
     return decided(
         "Posture adjustments alone cannot do it, whoever commands them: their size is limited",
@@ -51,6 +54,7 @@ def posture_alone(results: PaperResults) -> Claim:
 
 
 def hands_needed(results: PaperResults) -> Claim:
+    """Whether the hands help, and by what."""
     names = (flown.AS_PRINTED, flown.NO_HANDS, flown.FORCE_ALONE, flown.MOMENT_ALONE)
     own, without, force, moment = (rmse_of(results, flown.HANDS[name]) for name in names)
     by_speed = all(f <= CLEARLY * o and m >= CLEARLY * o for o, f, m in zip(own, force, moment, strict=True))
@@ -72,6 +76,7 @@ def hands_needed(results: PaperResults) -> Claim:
 
 
 def hands_turn(results: PaperResults) -> Claim:
+    """Whether a hand does what eq_force2 is for."""
     push = results.push
     moment = rmse_of(results, flown.HANDS[flown.MOMENT_ALONE])
     verdict = judge([abs(push.bank_right_deg) > 1.0, push.yaw_rate_deg_s > 0.0])

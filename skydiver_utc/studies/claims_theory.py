@@ -21,6 +21,7 @@ _DRAWS, _SEED, _ROUNDING = 100, 1, 1e-12
 
 
 def mean_square(_results: PaperResults) -> Claim:
+    """Claims on the update."""
     return _mean_square(updated_control)
 
 
@@ -55,6 +56,7 @@ def _random_covariance(generator: np.random.Generator, size: int) -> Array:
 
 
 def stability(_results: PaperResults) -> Claim:
+    """The conclusion's outlook."""
     return _stability()
 
 

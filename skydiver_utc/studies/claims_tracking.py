@@ -14,10 +14,12 @@ _STUCK = ("kept_previous", "not_reached", "no_effect")
 
 
 def tracks(results: PaperResults) -> Claim:
+    """The paper's three configurations."""
     return _at_the_bars(results, "UTC accurately tracks the desired maneuver", "")
 
 
 def not_parameterised(results: PaperResults) -> Claim:
+    """Against control sequences with a parameter for each piece of the horizon."""
     words = "The control outputs need not be parameterised as in nonlinear MPC"
     claim = _at_the_bars(results, words, "with four numbers a decision, one for each control, ")
     return claim._replace(why=claim.why or "One held control serves Gauss-Newton as well (docs/rivals.md).")
@@ -34,6 +36,7 @@ def _at_the_bars(results: PaperResults, words: str, before: str) -> Claim:
 
 
 def layouts(results: PaperResults) -> Claim:
+    """Other maneuvers, from the paper's source c3."""
     found = [results.of(one) for one in flown.LAYOUTS]
     texts = [
         f"`{one.command}`: {measures.facing}, {figure(abs(measures.angle_error_deg or 0.0))} deg off"
@@ -52,6 +55,7 @@ def layouts(results: PaperResults) -> Claim:
 
 
 def cheaper(results: PaperResults) -> Claim:
+    """Against optimisation, by the time of whole steps."""
     controls = len(shipped(flown.M0_C2.scenario).plant.limits.minimum)
     return decided(
         "Propagating nine sigma points costs less than solving a nonlinear program",
@@ -65,6 +69,7 @@ def cheaper(results: PaperResults) -> Claim:
 
 
 def no_convergence_problems(results: PaperResults) -> Claim:
+    """Steps without an answer, and steps in which the controller is stuck."""
     usual = {one.command for one in flown.CONFIGURATIONS.values()}
     cases = flown.all_cases()
     utc = {
@@ -98,6 +103,7 @@ def no_convergence_problems(results: PaperResults) -> Claim:
 
 
 def more_accurate(results: PaperResults) -> Claim:
+    """Dynamics of alpha in the prediction."""
     unknown, modelled = rmse_of(results, [flown.M0_C2, flown.M1_C2])
     return decided(
         "With the dynamics of alpha in the prediction the accuracy is better (`utc_m0_c2`, `utc_m1_c2`)",
@@ -108,6 +114,7 @@ def more_accurate(results: PaperResults) -> Claim:
 
 
 def short_horizon(results: PaperResults) -> Claim:
+    """and the horizon that they allow."""
     long, short, modelled = rmse_of(results, [flown.M0_C2, flown.M0_SHORT, flown.M1_C2])
     return decided(
         "and a smaller horizon can be used: 5 steps instead of 20",
@@ -118,6 +125,7 @@ def short_horizon(results: PaperResults) -> Claim:
 
 
 def fast_convergence(results: PaperResults) -> Claim:
+    """The conclusion's first advantage."""
     found = [results.of(one).converged_at for one in flown.PAPER_UTC]
     return decided(
         "Fast convergence, around 2 s",

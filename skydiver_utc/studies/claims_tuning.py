@@ -20,6 +20,7 @@ _SWEPT = ("alpha unknown", "alpha modelled")  # flown.SWEPT in words
 
 
 def p_err(results: PaperResults) -> Claim:
+    """Claims on P_err."""
     found = [[results.of(one) for one in flown.P_ERR.cases(name)] for name in flown.SWEPT]
     accuracy = [_never_falls([one.rmse for one in row]) for row in found]
     thrift = [_never_falls([-one.effort for one in row]) and row[-1].effort < row[0].effort for row in found]
@@ -43,11 +44,13 @@ def _never_falls(values: Sequence[float]) -> bool:
 
 
 def w0(results: PaperResults) -> Claim:
+    """The weight of the centre."""
     words = "The weight of the central point, W0 = 0.25, was chosen by tuning"
     return _chosen_by_tuning(results, words, flown.W0, (0.25, 0.25), "Another weight is better here.")
 
 
 def horizon(results: PaperResults) -> Claim:
+    """The number of steps."""
     words = "The horizon is a tuning parameter: 20 steps with alpha unknown, 5 with alpha modelled"
     return _chosen_by_tuning(results, words, flown.HORIZON, (20, 5), "Another horizon is better here.")
 
@@ -69,6 +72,7 @@ def _chosen_by_tuning(
 
 
 def different_solutions(results: PaperResults) -> Claim:
+    """Claims on the coupling."""
     first, second = _hands(results)
     return decided(
         "Qu gives qualitatively different solutions: the hands behave otherwise when coupled by the yaw rate (eq_q1,"
@@ -86,6 +90,7 @@ def _hands(results: PaperResults) -> tuple[float, float]:
 
 
 def best_coupling(results: PaperResults) -> Claim:
+    """Coupling with unknown dynamics."""
     q1, q3, none = rmse_of(results, [flown.M0_C2, flown.M0_C3, flown.M0_NONE])
     return decided(
         "With alpha unknown, coupling by the yaw rate (eq_q1) is the most accurate, and coupling matters",
@@ -96,6 +101,7 @@ def best_coupling(results: PaperResults) -> Claim:
 
 
 def coupling_matters_less(results: PaperResults) -> Claim:
+    """Coupling with modelled dynamics."""
     unknown, unknown_none, modelled, modelled_none = rmse_of(
         results, [flown.M0_C2, flown.M0_NONE, flown.M1_C2, flown.M1_NONE]
     )
@@ -111,6 +117,7 @@ def coupling_matters_less(results: PaperResults) -> Claim:
 
 
 def accurate_without(results: PaperResults) -> Claim:
+    """and without any."""
     found = results.of(flown.M1_NONE)
     return decided(
         "and accurate tracking is achieved even if no correlation is assumed",
@@ -121,6 +128,7 @@ def accurate_without(results: PaperResults) -> Claim:
 
 
 def least_effort(results: PaperResults) -> Claim:
+    """Claims on utc_m1_c3."""
     q3 = results.of(flown.M1_C3)
     others = [
         results.of(one) for one in (flown.M0_C2, flown.M1_C2, flown.M0_C3, flown.M0_NONE, flown.M1_NONE)
@@ -141,6 +149,7 @@ def least_effort(results: PaperResults) -> Claim:
 
 
 def insensitive(results: PaperResults) -> Claim:
+    """The conclusion's second advantage."""
     found = results.tuning
     names = (flown.UNKNOWN, flown.PI, flown.UNKNOWN_INSENSITIVE, flown.PI_INSENSITIVE)
     unknown, modelled, by_damping, modelled_by_damping = (
@@ -158,6 +167,7 @@ def insensitive(results: PaperResults) -> Claim:
 
 
 def convenient(results: PaperResults) -> Claim:
+    """The conclusion's third advantage."""
     scenario = shipped(flown.M0_C2.scenario)
     p, plant = scenario.controller, build_plant(scenario)
     assert isinstance(p, UtcSettings)
