@@ -3,6 +3,7 @@
 
 import json
 import os
+import time
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -23,6 +24,7 @@ from skydiver_utc.parameters import Scenario, to_yaml
 
 SCENARIO = "fast_turn_unknown_dynamics"
 BAG = "bag"  # where a flight is recorded, in its folder
+_LONGEST_FLIGHT_S = 600.0
 _GRACE_S = 10.0  # for a bare node to end when it is found to
 
 
@@ -40,9 +42,10 @@ def fly(scenario: Scenario, mode: str, folder: Path) -> dict[str, Any]:
 
 
 def outcome_of(nodes: NodeProcesses) -> dict[str, Any]:
-    """What the plant reported last, once plant and recorder have ended."""
+    """What the plant reported last, once plant and recorder have ended; RuntimeError where the run does not end."""
     report: dict[str, Any] = {}
-    while not nodes.ended(PLANT):
+    deadline = time.monotonic() + _LONGEST_FLIGHT_S
+    while not nodes.ended(PLANT) and time.monotonic() < deadline:
         for line in nodes.reports():
             report = line
     if "outcome" not in report:

@@ -71,7 +71,7 @@ class NodeProcesses:
     def start(self, kind: str, parameters: Mapping[str, Value], prefix: Sequence[str] = ()) -> None:
         """Start ``<kind>_node`` with these ROS parameters; the plant's JSON lines on stdout go to `reports`.
 
-        `prefix`: the begin of the command line, for a node in another namespace of the system.
+        `prefix`: how the command line begins, for a node in another namespace of the system.
         """
         command = [*prefix, *_ended_with_parent(), sys.executable, "-c", NODE_CODE.format(kind=kind)]
         command += ["--ros-args", *self._remapping]

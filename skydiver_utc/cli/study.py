@@ -71,12 +71,13 @@ def run_study(
             prepare_folder(folder)
             with ledger(folder, plan.study.name, plan.digest) as found, _progress(plan, quiet) as progress:
                 at_once = AT_ONCE_ON_CLUSTER if scheduler else 2 * workers
-                rows = fly_study(plan, found, pool, at_once, progress, until)
+                try:
+                    rows = fly_study(plan, found, pool, at_once, progress, until)
+                except StudyStoppedError as error:
+                    kept = f"{len(found.rows())} runs stand in {folder / FILE}, the same command continues"
+                    raise StudyStoppedError(f"{error}: {kept}") from error
     except StudyStoppedError as error:
-        click.echo(
-            f"Error: {error}: the runs that ended stand in {folder / FILE}, the same command continues",
-            err=True,
-        )
+        click.echo(f"Error: {error}", err=True)
         return FAILED
     write_report(folder, plan, rows)
     failed = sum(row.outcome == FAILED_RUN for row in rows)

@@ -88,6 +88,6 @@ class Composed(Disturbance):
 
 
 def _methods(parts: Sequence[Disturbance], name: str) -> tuple[list[Disturbance], list[Any]]:
-    """The parts that write a method, and the method of those that act."""
+    """The parts whose class has a method of its own of this name, and that method of each part that acts."""
     found = [part for part in parts if getattr(type(part), name) is not getattr(Disturbance, name)]
-    return found, [getattr(part, name) for part in found if part.acts]
+    return found, [getattr(part, name) for part in found if getattr(part, "acts", True)]

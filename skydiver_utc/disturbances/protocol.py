@@ -15,7 +15,7 @@ class Disturbance(Protocol):
 
     A class that inherits from this one writes only the methods that it needs. Steps come in rising order, some may be
     left out and some may come twice: what is random depends on seed and step alone (`Rows`).
-    acts: False where its settings make nothing of it
+    acts: False for settings without effect, such as a wind of 0 m/s; its methods are not called then
     """
 
     acts: bool = True

@@ -125,6 +125,7 @@ class Run:
         for j, name in enumerate(self.tracked_names):
             if name in getattr(self.scenario.controller, "angles", ()):
                 difference[:, j] -= 2.0 * np.pi * np.round(difference[:, j] / (2.0 * np.pi))
+        difference.flags.writeable = False
         return difference
 
     @property

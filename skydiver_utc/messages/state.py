@@ -37,6 +37,8 @@ def read_state(message: Any, names: Sequence[str] = (), frames: tuple[str, str] 
     """
     if not hasattr(message, "pose"):
         return read_named(message, names)
+    if len(names) not in (0, len(_NAMES)):
+        raise MessageError("size", f"it has {len(_NAMES)} numbers: the plant has {len(names)} states")
     found = (message.header.frame_id, message.child_frame_id)
     if frames is not None and found != frames:
         raise MessageError("frame", f"its frames are {found}: they must be {frames}")

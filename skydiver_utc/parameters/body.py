@@ -20,9 +20,9 @@ Component = Annotated[float, quantity("rad/rad", "joint angle per unit of patter
 
 
 def rising(pair: tuple[float, float]) -> tuple[float, float]:
-    """The pair, which a setting's lower and upper bound are; ValueError where the upper one is not above."""
+    """A lower and an upper bound; ValueError where the upper one is not above the lower one."""
     if not pair[0] < pair[1]:
-        raise ValueError(f"upside down: write the smaller of {pair[0]}, {pair[1]} first")
+        raise ValueError(f"the bounds are upside down: write the smaller of {pair[0]}, {pair[1]} first")
     return pair
 
 

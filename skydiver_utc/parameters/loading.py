@@ -16,6 +16,7 @@ from skydiver_utc.parameters.scenario import Scenario, merged
 from skydiver_utc.parameters.yaml_io import (
     parse_yaml,
     read_yaml,
+    refuse_non_finite,
     refuse_unresolved,
     values_in,
     write_yaml,
@@ -223,8 +224,8 @@ def named_path(field: str, name: str, beside: Path = Path()) -> Path:
         return path
     folder = config_folder() / _FOLDERS.get(field, f"{field}s")
     if name not in (known := _names_in(folder)):
-        advice = hint(name, known, f"choose one of {', '.join(known)}")
-        raise ParameterError(f"there is no {words} {name!r}: {advice}, or give the path of a YAML file")
+        advice = hint(name, known, f"choose one of {', '.join(known)}, or give the path of a YAML file")
+        raise ParameterError(f"there is no {words} {name!r}: {advice}")
     return folder / f"{name}.yaml"
 
 
@@ -266,6 +267,7 @@ def _over_defaults(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _override(content: dict[str, Any], name: str, value: object) -> None:
+    refuse_non_finite(value, "the override", name)
     place: Any = content
     part, rest = _entry(place, name, name)
     while rest:

@@ -173,7 +173,7 @@ def in_form(template: Any, given: Any, plant: Any, name: str) -> Any:
 
 
 def tried(name: str, function: Any, *example: Any) -> Array:
-    """The value of a function on an example, as an array of numbers; 0 of a plant that writes its result."""
+    """The value of a function on an example, as an array of numbers; of a plant that writes its result it is 0."""
     writes = name == "plant" and len(example) == 4
     try:
         returned = function(*example)

@@ -167,11 +167,11 @@ class _Contents:
                 if (topic := self._topic(part, schemas.get(part.schema_id))) is not None:
                     readable[part.id] = topic
             elif isinstance(part, Damaged):
-                damage = part.reason
+                damage = damage or part.reason
             elif (
                 isinstance(part, Statistics) and (count := self.message_count - before) != part.message_count
             ):
-                damage = f"{count} of {part.message_count} messages found"
+                damage = damage or f"{count} of {part.message_count} messages found"
             whole = whole or isinstance(part, Footer)
         if not whole:
             raise RecordingError(

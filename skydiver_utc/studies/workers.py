@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 from skydiver_utc.parameters import ParameterError
 
-AT_ONCE_ON_CLUSTER = 64  # runs: its workers would idle between two results
+AT_ONCE_ON_CLUSTER = 64  # runs: with fewer its workers would idle between two results
 _CLOSE_S = 10
 
 

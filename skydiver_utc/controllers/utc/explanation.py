@@ -38,10 +38,14 @@ class Explanation:
     @property
     def hints(self) -> tuple[str, ...]:
         """Advice on the settings, in words."""
+        found = []
         if self.diverged:
             cause = f" ({self.cause})" if self.cause else ""
-            return (f"{self.diverged} sigma points diverge{cause}: give a smaller Pu, or a shorter horizon",)
-        found = []
+            found.append(
+                f"{self.diverged} sigma points diverge{cause}: give a smaller Pu, or a shorter horizon"
+            )
+        if self.diverged > 2 * len(self.controls):
+            return tuple(found)
         for name, unit, moved in zip(self.outputs, self.unit, np.abs(self.moves).max(axis=0), strict=True):
             if not moved > 0.0:
                 found.append(f"no control moves {name}: take a longer horizon, or another output")
@@ -50,6 +54,9 @@ class Explanation:
                     f"sqrt(P_err) of {name} is {unit / moved:.3g} times what the controls move it: a step takes up a"
                     " small share of the distance; give a smaller P_err, or a larger Pu or Qu"
                 )
+        for name, moved in zip(self.controls, np.abs(self.moves), strict=True):
+            if not (moved > 1e-3 * self.unit).any():
+                found.append(f"{name} moves no output: give it a nominal value, or a forgetting_factor")
         return tuple(found)
 
     def __str__(self) -> str:

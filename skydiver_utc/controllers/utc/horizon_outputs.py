@@ -2,7 +2,6 @@
 """The outputs that a step of UTC predicts: their names, the covariance of their errors, constant references, angles."""
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from skydiver_utc.arrays import Array, Integers
 from skydiver_utc.controllers.utc.settings import Covariance, UtcSettings, matrix
@@ -97,5 +96,6 @@ class HorizonOutputs:
         return found - 2.0 * np.pi * turns
 
     def _set_error(self, tracked: Array) -> None:
-        of_step = block_diag(tracked, np.diag(self._further))
+        of_step = np.diag([0.0] * len(self.tracked) + self._further)
+        of_step[: len(self.tracked), : len(self.tracked)] = tracked
         self.P_err[: self.size, : self.size] = np.kron(np.eye(self._steps), of_step)

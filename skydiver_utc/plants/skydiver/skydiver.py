@@ -31,6 +31,7 @@ from skydiver_utc.rotations import up_of_quaternion, world_up
 # A body faster than this has left the model, whatever its numbers say.
 LARGEST_SPEED_M_S = 500.0
 LARGEST_RATE_RAD_S = 200.0
+_BEYOND, _ROLLED_OVER = 1, 2
 
 
 class SkydiverPlant(Plant):
@@ -109,6 +110,8 @@ class SkydiverPlant(Plant):
 
     def advance(self, state: Array, before: Array, command: Array) -> tuple[Array, Array]:
         """State (13,) and the actuators' state (5,) one step later, under a command (4,)."""
+        if type(self) is not SkydiverPlant:  # it may have a step of its own
+            return super().advance(state, before, command)
         out = np.empty(STATE_SIZE + 5)
         self._advanced(state, before, np.ascontiguousarray(command, dtype=float), out)
         return out[:STATE_SIZE], out[STATE_SIZE:]
@@ -163,30 +166,34 @@ class SkydiverPlant(Plant):
 
     def fault(self, state: Array) -> str:
         """Empty while speed and body rate are those of a falling body."""
-        if _is_sound(state, False):
+        if not _found(state) & _BEYOND:
             return ""
         speed, rate = math.hypot(*state[7:10]), math.hypot(*state[10:])
         return f"the state left the model (speed {speed:.3g} m/s, body rate {rate:.3g} rad/s)"
 
     def mishap(self, state: Array) -> str:
         """The body rolled over, where the settings say belly to earth."""
-        return "" if self.is_sound(state) else "the dorsal axis went below the horizon"
+        rolled = self._belly_to_earth and _found(state) & _ROLLED_OVER
+        return "the dorsal axis went below the horizon" if rolled else ""
 
     def is_sound(self, state: Array) -> bool:
         """Whether a state is neither a fault nor a mishap."""
-        return _is_sound(state, self._belly_to_earth)
+        if type(self) is not SkydiverPlant:
+            return super().is_sound(state)
+        return not _found(state) & (_BEYOND | _ROLLED_OVER if self._belly_to_earth else _BEYOND)
 
 
 @unfused
-def _is_sound(state: Array, upright: bool) -> bool:
+def _found(state: Array) -> int:
+    """_BEYOND, of a state (13,) that no falling body has, and _ROLLED_OVER, added up."""
     finite = True
     for value in state:
         finite &= np.isfinite(value)
     vx, vy, vz, wx, wy, wz = state[7], state[8], state[9], state[10], state[11], state[12]
     slow = vx * vx + vy * vy + vz * vz < LARGEST_SPEED_M_S**2
     falls = finite and slow and wx * wx + wy * wy + wz * wz < LARGEST_RATE_RAD_S**2
-    above: bool = up_of_quaternion(state[3], state[4], state[5], state[6])[2] >= 0.0
-    return falls and (above or not upright)
+    above = up_of_quaternion(state[3], state[4], state[5], state[6])[2] >= 0.0
+    return (0 if falls else _BEYOND) + (0 if above else _ROLLED_OVER)
 
 
 def _quaternion(heading_deg: float, pitch_deg: float, bank_deg: float) -> Array:

@@ -100,6 +100,9 @@ def build_candidate(calibration: Calibration, start: Scenario, numbers: Mapping[
 def _setting(name: str) -> str:
     """The setting of a number of the skydiver: a segment's drag areas have names here, and places in the scenario."""
     if not name.startswith(_OF_A_SKYDIVER):
-        raise ParameterError(f"{name} is no number of the skydiver: write one as in plant.hands.K_N")
+        raise ParameterError(
+            f"{name} is no number of the skydiver: write one as in plant.hands.K_N or"
+            " plant.subject.suit.drag_areas_m2.shank.front"
+        )
     parent, _, last = name.rpartition(".")
     return f"{parent}.{_AREAS.index(last)}" if last in _AREAS else name

@@ -48,14 +48,18 @@ class FlightBar(RelativeBar):
     times: Annotated[str, text("name of the earlier flight")] = ""
 
 
-class Start(Parameters):
-    """The skydiver from which the search starts: the plant of a scenario; its posture is the one that is trimmed."""
+class ScenarioWithSettings(Parameters):
+    """A scenario, and other values of its settings."""
 
     scenario: str
     settings: Annotated[dict[str, Any], text("overrides by dotted name")] = {}
 
 
-class Flight(Start):
+class Start(ScenarioWithSettings):
+    """The skydiver from which the search starts: the plant of a scenario; its posture is the one that is trimmed."""
+
+
+class Flight(ScenarioWithSettings):
     """A scenario to be flown with the skydiver, and the targets for what is measured of it."""
 
     name: str
