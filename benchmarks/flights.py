@@ -3,9 +3,9 @@
 
 import json
 import os
-import time
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path

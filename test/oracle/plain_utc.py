@@ -90,7 +90,7 @@ def update(U: Array, Pu: Array, points: Array, Y: Array, W: Array, wanted: Array
 
 def bounded(point: Array, U: Array, p: Problem) -> Array:
     """eq:movep, where the mean itself lies on the bound that the point passes; then eq:minmax_utc."""
-    beyond = ((U == p.low) & (point < p.low)) | ((U == p.high) & (point > p.high))
+    beyond = ((p.low == U) & (point < p.low)) | ((p.high == U) & (point > p.high))
     return np.clip(np.where(beyond, 1.5 * U - 0.5 * point, point), p.low, p.high)
 
 

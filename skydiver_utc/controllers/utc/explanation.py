@@ -54,8 +54,11 @@ class Explanation:
                     f"sqrt(P_err) of {name} is {unit / moved:.3g} times what the controls move it: a step takes up a"
                     " small share of the distance; give a smaller P_err, or a larger Pu or Qu"
                 )
-        for name, moved in zip(self.controls, np.abs(self.moves), strict=True):
-            if not (moved > 1e-3 * self.unit).any():
+        frozen = self.minimum == self.maximum
+        for name, moved, held in zip(self.controls, np.abs(self.moves), frozen, strict=True):
+            if held:
+                found.append(f"{name} is frozen: its bounds are equal")
+            elif not (moved > 1e-3 * self.unit).any():
                 found.append(f"{name} moves no output: give it a nominal value, or a forgetting_factor")
         return tuple(found)
 
