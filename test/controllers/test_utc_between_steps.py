@@ -155,11 +155,11 @@ def test_an_explanation_tells_which_control_moves_which_output():
 
 
 ADVICE = {
-    "short": ({"horizon": 1}, [0.0, 0.0], [("y0", "longer horizon")]),
+    "short": ({"horizon": 1}, [0.0, 0.0], [("y0", "longer horizon"), ("u0", "nominal")]),
     "frozen": (
         {"plant": straight, "output": None, "control": [0.0, 0.3], "minimum": [-1, 0.3], "maximum": [1, 0.3]},
         [0.0, 0.0],
-        [("y1", "longer horizon")],
+        [("y1", "longer horizon"), ("u1", "frozen")],
     ),
     "diverging": (
         {"plant": lambda x, u, dt: x + dt * (u + x**3), "output": None, "control": [0.0, 0.0], "horizon": 30},
