@@ -267,7 +267,7 @@ def _over_defaults(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _override(content: dict[str, Any], name: str, value: object) -> None:
-    refuse_non_finite(value, "the override", name)
+    refuse_non_finite({name: value}, "the override")
     place: Any = content
     part, rest = _entry(place, name, name)
     while rest:
