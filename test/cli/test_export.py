@@ -25,8 +25,9 @@ def folder(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_run(tmp_path_factory.mktemp("export") / "run", run)
 
 
-def test_tables_hold_every_number_of_the_run(run: Run, folder: Path, tmp_path: Path) -> None:
-    parquet = pytest.importorskip("pyarrow.parquet")
+def test_tables_hold_every_number_of_the_run(tmp_path: Path) -> None:
+    parquet, run = pytest.importorskip("pyarrow.parquet"), random_run()
+    folder = write_run(tmp_path / "run", run)
     made = invoke("export", folder, "--csv", "--npz", "--parquet", "--out", tmp_path)
     assert made.exit_code == 0
     assert made.stdout.split() == [str(tmp_path / f"run.{form}") for form in ("csv", "npz", "parquet")]
@@ -34,10 +35,10 @@ def test_tables_hold_every_number_of_the_run(run: Run, folder: Path, tmp_path: P
     npz, columns = np.load(tmp_path / "run.npz"), parquet.read_table(tmp_path / "run.parquet")
     wanted = {
         "time_s": run.time_s,
-        "state/speed": run.states[:, 1],
-        "command/force": np.append(run.commands[:, 0], np.nan),
-        "applied_command/force": np.append(run.applied[:, 0], np.nan),
-        "reference/place": run.reference[:, 0],
+        "state/wz": run.states[:, 12],
+        "command/alpha": np.append(run.commands[:, 3], np.nan),
+        "applied_command/alpha": np.append(run.applied[:, 3], np.nan),
+        "reference/yaw_rate": run.reference[:, 0],
         "telemetry/innovation": np.append(run.telemetry[:, 0], np.nan),
     }
     for name, values in wanted.items():
