@@ -2,12 +2,15 @@
 """A plant's side of the loop: pushes and resets of its state."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from own_slots import cart_file
 
+from skydiver_utc.disturbances.composed import Composed
 from skydiver_utc.loop.plant_steps import PlantSteps
 from skydiver_utc.parameters import load_scenario
+from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 
 
 def test_a_reset_forgets_the_pushes_before_it_and_takes_those_after_it(tmp_path: Path) -> None:
@@ -28,3 +31,48 @@ def test_a_reset_forgets_the_pushes_before_it_and_takes_those_after_it(tmp_path:
     np.testing.assert_allclose(run.state, initial + push, atol=1e-15)
     run.step(command)
     assert run.pushed is None
+
+
+class OwnSkydiver(SkydiverPlant):
+    """With a step, and faults, of its own."""
+
+    def step(self, state: Any, before: Any, applied: Any) -> Any:
+        """Onwards."""
+        return state + 1.0
+
+    def fault(self, state: Any) -> str:
+        """Always."""
+        return "it is enough"
+
+
+def test_what_a_class_of_the_skydiver_writes_anew_counts() -> None:
+    scenario = load_scenario("fast_turn_lqr")
+    plant = OwnSkydiver(scenario.plant, scenario.dt_s)
+    state, _ = plant.advance(plant.initial_state(), plant.initial_applied(), plant.initial_control())
+    np.testing.assert_array_equal(state, plant.initial_state() + 1.0)
+    assert not plant.is_sound(plant.initial_state())
+
+
+class Breeze:
+    """A disturbance that inherits from nothing."""
+
+    def wind(self, k: int) -> Any:
+        """Upwards."""
+        return np.array([0.0, 0.0, 2.0])
+
+    def state(self, k: int, state: Any) -> Any:
+        """As it is."""
+        return state
+
+    def measurement(self, k: int, state: Any) -> Any:
+        """As it is."""
+        return state
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+
+def test_a_disturbance_need_not_inherit() -> None:
+    scenario = load_scenario("fast_turn_lqr")
+    plant = SkydiverPlant(scenario.plant, scenario.dt_s)
+    np.testing.assert_array_equal(Composed([Breeze()], plant, scenario.dt_s).wind(3), [0.0, 0.0, 2.0])

@@ -93,6 +93,12 @@ def test_a_state_that_cannot_be_used_is_refused(kind: str, place: str, value: ob
     assert refused.value.kind == kind
 
 
+def test_the_state_of_a_body_is_none_of_a_plant_with_other_states() -> None:
+    with pytest.raises(MessageError) as refused:
+        read_state(fill_state(odometry(), STATE), NAMES)
+    assert refused.value.kind == "size"
+
+
 def test_the_frames_are_those_that_are_asked_for() -> None:
     message = fill_state(odometry("map", "base_link"), STATE)
     assert read_state(message, (), ("map", "base_link")).tobytes() == STATE.tobytes()
