@@ -166,26 +166,26 @@ class SkydiverPlant(Plant):
 
     def fault(self, state: Array) -> str:
         """Empty while speed and body rate are those of a falling body."""
-        if not _found(state) & _BEYOND:
+        if not _condition(state) & _BEYOND:
             return ""
         speed, rate = math.hypot(*state[7:10]), math.hypot(*state[10:])
         return f"the state left the model (speed {speed:.3g} m/s, body rate {rate:.3g} rad/s)"
 
     def mishap(self, state: Array) -> str:
         """The body rolled over, where the settings say belly to earth."""
-        rolled = self._belly_to_earth and _found(state) & _ROLLED_OVER
+        rolled = self._belly_to_earth and _condition(state) & _ROLLED_OVER
         return "the dorsal axis went below the horizon" if rolled else ""
 
     def is_sound(self, state: Array) -> bool:
         """Whether a state is neither a fault nor a mishap."""
         if type(self) is not SkydiverPlant:
             return super().is_sound(state)
-        return not _found(state) & (_BEYOND | _ROLLED_OVER if self._belly_to_earth else _BEYOND)
+        return not _condition(state) & (_BEYOND | _ROLLED_OVER if self._belly_to_earth else _BEYOND)
 
 
 @unfused
-def _found(state: Array) -> int:
-    """_BEYOND, of a state (13,) that no falling body has, and _ROLLED_OVER, added up."""
+def _condition(state: Array) -> int:
+    """0 of a sound state (13,); _BEYOND the speed and rate of a falling body, _ROLLED_OVER, or both added up."""
     finite = True
     for value in state:
         finite &= np.isfinite(value)
