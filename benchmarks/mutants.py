@@ -163,16 +163,27 @@ def _test(tests: list[str], mutant: Mutant | None, answer: Connection) -> None:
     if mutant is not None:
         _import_mutated(mutant)
     _compile_mutated(mutant, called)
-    if mutant is None:
-        for trace in (threading.settrace, sys.settrace):
-            trace(lambda frame, *_: called.add(_place(frame.f_code)))
     with tempfile.TemporaryDirectory() as folder:
         os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = folder
         options = ["-q", "-x", "-n", "0", "-p", "no:cacheprovider", "-m", "not long and not processes"]
-        code = pytest.main([*options, "-o", f"faulthandler_timeout={LONGEST_TEST_S}", *tests])
+        options += ["-o", f"faulthandler_timeout={LONGEST_TEST_S}"]
+        code = pytest.main([*options, *tests], plugins=[_Traced(called)] if mutant is None else [])
     sys.settrace(None)
     answer.send((code in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED), called))
     os._exit(0)
+
+
+class _Traced:
+    """Notes the functions that tests call; set anew for each, since what a test raises in it ends the tracing."""
+
+    def __init__(self, called: set[tuple[str, int]]) -> None:
+        self._called = called
+        self.pytest_runtest_setup()  # for what the collection imports and calls
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_setup(self) -> None:
+        for trace in (threading.settrace, sys.settrace):
+            trace(lambda frame, *_: self._called.add(_place(frame.f_code)))
 
 
 def _place(code: CodeType) -> tuple[str, int]:

@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from skydiver_utc.loop.build import build_plant
 from skydiver_utc.parameters import ParameterError, load_scenario
@@ -143,3 +144,15 @@ def test_the_longest_step_has_three_digits_and_a_longer_one_is_refused(
     with pytest.raises(ValueError, match="yaw") as refused:
         damping.refuse_longer(1.0001 * longest)
     assert {f"{2.4 / longest:.0f}", f"{rounded:g}"} <= set(str(refused.value).split())
+
+
+def test_outputs_are_body_rates_and_the_speed_downwards() -> None:
+    random = np.random.default_rng(4)
+    outputs = build_plant(FALL).bound_model.outputs
+    for _ in range(5):
+        state, out = random.normal(size=13), np.full(5, np.nan)
+        state[3:7] /= np.linalg.norm(state[3:7])
+        outputs(state, out)
+        downwards = -Rotation.from_quat(state[3:7]).apply(state[7:10])[2]
+        np.testing.assert_allclose(out[:4], [state[12], state[11], state[10], downwards], rtol=1e-12)
+        assert np.isnan(out[4])

@@ -11,7 +11,7 @@ from refusals import assert_refused
 from runs import CART
 
 from skydiver_utc.loop.build import build_reference
-from skydiver_utc.parameters import from_yaml, load_scenario, to_yaml
+from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, to_yaml
 from skydiver_utc.parameters.registry import KINDS
 
 BASE = CART.replace("reference: {kind: constant, values: {place: 2.0, speed: 0.0}}\n", "")
@@ -36,6 +36,11 @@ def load(tmp_path, monkeypatch):
 
 def values(scenario, count=80):
     return build_reference(scenario).preview(0, count)
+
+
+def test_what_the_reader_of_csv_files_refuses_is_no_table(load):
+    with pytest.raises(ParameterError, match="no CSV"):
+        load(f"{{kind: csv, table: 'time_s,{'x' * (1 << 18)}'}}")
 
 
 def test_a_csv_file_gives_lines_between_its_rows(load):

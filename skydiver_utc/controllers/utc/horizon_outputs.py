@@ -85,7 +85,7 @@ class HorizonOutputs:
         if not alive.any():
             return np.zeros((self._steps, len(self.names)))
         found = np.sqrt(self._weight_beside * np.mean(np.square(beside[alive]), axis=0))
-        found[found <= _ROUNDING * np.abs(outputs[0])] = 0.0
+        found[found <= _ROUNDING * np.nanmax(np.abs(outputs), axis=0)] = 0.0
         return found.reshape(self._steps, len(self.names))
 
     def differences(self, found: Array, columns: Integers) -> Array:

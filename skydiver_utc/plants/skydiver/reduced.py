@@ -31,7 +31,7 @@ def expanded(z: Array) -> Array:
     """A state (13,) at the origin, with the heading free, that has the eight states (8,)."""
     state = np.zeros(STATE_SIZE)
     state[3:7] = attitude_with_up(np.array([z[0], z[1], np.sqrt(1.0 - z[0] ** 2 - z[1] ** 2)]))
-    state[10:13], state[7:10] = z[2:5], z[5:8]
+    state[10:], state[7:10] = z[2:5], z[5:]
     return state
 
 
