@@ -299,3 +299,24 @@ def test_the_way_ahead_under_the_sigma_points_ends_at_their_outputs(dynamics):
     np.testing.assert_allclose(states[0], 0.0, atol=1e-9)
     if dynamics is None:
         np.testing.assert_allclose(controls[1:], result.sigma_points[1:])
+
+
+def test_without_P_err_an_angle_across_pi_has_the_spread_of_one_at_zero():
+    def turned(x, u, dt):
+        return np.arctan2(np.sin(x + u), np.cos(x + u))
+
+    units = []
+    for x in (0.0, np.pi):
+        drive = UnscentedTransformController.of(
+            turned,
+            state=[x],
+            control=[0.0],
+            dt=1.0,
+            horizon=1,
+            minimum=-9,
+            maximum=9,
+            Pu=0.04,
+            angles=("y0",),
+        )
+        units.append(drive.step([x], x).unit)
+    np.testing.assert_allclose(units[1], units[0], rtol=1e-9)
