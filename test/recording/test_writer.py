@@ -136,14 +136,19 @@ def test_a_signal_at_any_instruction_leaves_complete_records(tmp_path: Path, del
         raise KeyboardInterrupt
 
     returned = 0
+
+    def write_until_interrupted(channel: int) -> None:
+        nonlocal returned
+        while not interrupted:
+            bag.write(channel, text_message(str(returned)), START_NS + returned, START_NS)
+            returned += 1
+
     previous = signal.signal(signal.SIGALRM, interrupt)
     bag = BagWriter(tmp_path / "bag", flush_interval_s=0.001)
     try:
         channel = bag.add_topic("/text", *STRING, "")
         signal.setitimer(signal.ITIMER_REAL, delay_s)
-        while not interrupted:
-            bag.write(channel, text_message(str(returned)), START_NS + returned, START_NS)
-            returned += 1
+        write_until_interrupted(channel)  # Python 3.13 leaves the jump back of a `while` out of the `try` around it
     except KeyboardInterrupt:
         pass
     finally:
