@@ -148,7 +148,8 @@ def test_a_signal_at_any_instruction_leaves_complete_records(tmp_path: Path, del
     try:
         channel = bag.add_topic("/text", *STRING, "")
         signal.setitimer(signal.ITIMER_REAL, delay_s)
-        write_until_interrupted(channel)  # Python 3.13 leaves the jump back of a `while` out of the `try` around it
+        # A function: Python 3.13 leaves the jump back of a `while` out of the `try` around it.
+        write_until_interrupted(channel)
     except KeyboardInterrupt:
         pass
     finally:
