@@ -33,7 +33,8 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.errors import TypingError
 from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
-from numba.extending import intrinsic
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import infer_getattr, intrinsic, lower_getattr_generic
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -219,15 +220,6 @@ class _Call(partial[None]):
         raise TypeError("machine code cannot be sent to another process")
 
 
-def for_rows(function: Callable[..., None], *arrays: Any) -> None:
-    """function(row, ..., row of out) for each row of one or two arrays and out, in one call if it is by address."""
-    if isinstance(function, _Call):
-        (_rows_of_one if len(arrays) == 2 else _rows_of_two)(*function.args, *arrays)
-        return
-    for rows in zip(*arrays, strict=True):
-        function(*rows)
-
-
 def address(function: Any, *example: Any) -> int:
     """The address of the machine code of a jitted function for such arguments; it must return nothing.
 
@@ -264,24 +256,40 @@ def contents(_context: Any, pointer: Any) -> Any:
     """The value at a pointer, part by part, without reference counting."""
 
     def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
-        def load(kind: Any, where: Any) -> Any:
-            if isinstance(kind, _types.BaseTuple):
-                parts = [
-                    load(part, cgutils.gep_inbounds(builder, where, 0, i))
-                    for i, part in enumerate(kind.types)
-                ]
-                return context.make_tuple(builder, kind, parts)
-            value = context.data_model_manager[kind].load_from_data_pointer(builder, where)
-            if isinstance(kind, types.Array):
-                array = context.make_array(kind)(context, builder, value=value)
-                array.meminfo = cgutils.get_null_value(array.meminfo.type)
-                array.parent = cgutils.get_null_value(array.parent.type)
-                return array._getvalue()
-            return value
-
-        return load(pointer.dtype, values[0])
+        return _load(context, builder, pointer.dtype, values[0])
 
     return pointer.dtype(pointer), generate
+
+
+def _load(context: Any, builder: Any, kind: Any, where: Any) -> Any:
+    if isinstance(kind, _types.BaseTuple):
+        places = (cgutils.gep_inbounds(builder, where, 0, i) for i in range(len(kind)))
+        parts = [_load(context, builder, *each) for each in zip(kind.types, places, strict=True)]
+        return context.make_tuple(builder, kind, parts)
+    value = context.data_model_manager[kind].load_from_data_pointer(builder, where)
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value=value)
+        array.meminfo = cgutils.get_null_value(array.meminfo.type)
+        array.parent = cgutils.get_null_value(array.parent.type)
+        return array._getvalue()
+    return value
+
+
+@infer_getattr  # type: ignore[untyped-decorator]
+class _Fields(AttributeTemplate):  # type: ignore[misc]
+    """pointer.name: a field of a named tuple in memory, which alone is loaded."""
+
+    key = _types.CPointer
+
+    def generic_resolve(self, pointer: Any, name: str) -> Any:
+        kind = pointer.dtype
+        return kind.types[kind.fields.index(name)] if name in getattr(kind, "fields", ()) else None
+
+
+@lower_getattr_generic(_types.CPointer)  # type: ignore[untyped-decorator]
+def _field(context: Any, builder: Any, pointer: Any, value: Any, name: str) -> Any:
+    i = pointer.dtype.fields.index(name)
+    return _load(context, builder, pointer.dtype.types[i], cgutils.gep_inbounds(builder, value, 0, i))
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -423,15 +431,3 @@ def _run_two(parts: Any, first: Any, second: Any, out: Any) -> None:
 def _run_three(parts: Any, first: Any, second: Any, third: Any, out: Any) -> None:
     for i in range(parts.shape[1]):
         call(parts[0, i], (first, second, third, parts[1, i], out))
-
-
-@program
-def _rows_of_one(parts: Any, first: Any, out: Any) -> None:
-    for row in range(first.shape[0]):
-        _run_one(parts, first[row], out[row])
-
-
-@program
-def _rows_of_two(parts: Any, first: Any, second: Any, out: Any) -> None:
-    for row in range(first.shape[0]):
-        _run_two(parts, first[row], second[row], out[row])

@@ -22,7 +22,7 @@ from skydiver_utc.controllers.horizon import cost_of
 from skydiver_utc.controllers.limits import LimitedController, limit
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import LqrSettings
-from skydiver_utc.jit import by_address, contents, unfused
+from skydiver_utc.jit import by_address, unfused
 from skydiver_utc.plants.protocol import Plant, Reduced
 
 _DIFFERENCE = 1e-5
@@ -145,7 +145,6 @@ class LinearQuadraticController(LimitedController):
 @unfused
 def track(z: Array, preview: Array, numbers: Tracking, out: Array) -> None:
     """Move the control on; write the distance of the outputs, how far it is beyond limits, and the status."""
-    numbers = contents(numbers)
     K, F, previous = numbers.gains.feedback, numbers.gains.preview, numbers.previous
     n, m, l = z.shape[0], previous.shape[0], numbers.outputs.shape[0]
     xi, wanted = np.empty(n + m), np.empty(m)

@@ -20,7 +20,6 @@ from skydiver_utc.jit import (
     address,
     by_address,
     call,
-    contents,
     in_memory,
     interpreted,
     is_jitted,
@@ -71,9 +70,8 @@ class Setup(NamedTuple):
 
 
 @program
-def roll_out(state: Array, preview: Array, numbers: Setup, out: Array) -> None:
+def roll_out(state: Array, preview: Array, setup: Setup, out: Array) -> None:
     """Drive the model with the points of a setup from state (n,)."""
-    setup = contents(numbers)
     step, outputs_of, parameters, dynamics = setup.step, setup.outputs_of, setup.parameters, setup.dynamics
     kind, named, steps, limits = setup.kind, setup.named, setup.steps, setup.limits
     applied, points, outputs, first = setup.applied, setup.points, setup.outputs, setup.first
@@ -240,7 +238,7 @@ class RollOut:
                     return
             if not in_python:
                 for text, its_numbers in [*first, (roll_out, self._setup), *last]:
-                    same = interpreted(text, call=self._guarded, contents=_itself)
+                    same = interpreted(text, call=self._guarded)
                     in_python.append((same, its_numbers))
             with np.errstate(all="ignore"):
                 for function, its_numbers in in_python:
@@ -277,11 +275,6 @@ class RollOut:
             raise ValueError(
                 f"{function.__name__} fails inside the horizon ({type(error).__name__}: {one_line(error)})."
             ) from error
-
-
-def _itself(numbers: Any) -> Any:
-    """The numbers themselves, for Python."""
-    return numbers
 
 
 def _compiled(function: Any, *example: Any) -> int:

@@ -7,7 +7,7 @@ import numpy as np
 
 from skydiver_utc.arrays import Array, Integers
 from skydiver_utc.estimators.manifold import distance, moved
-from skydiver_utc.jit import call, contents, kernel, program
+from skydiver_utc.jit import call, kernel, program
 from skydiver_utc.unscented.covariance import symmetric_root
 from skydiver_utc.unscented.linear_algebra import gain
 from skydiver_utc.unscented.sigma_points import TURN, add_cross_covariance, spread, unwrap, weighted_mean
@@ -80,12 +80,11 @@ def _draw(at: Estimate) -> None:
 
 
 @program
-def predict(control: Array, numbers: Prediction, out: Array) -> None:
+def predict(control: Array, given: Prediction, out: Array) -> None:
     """Mean and covariance one step later under a control (c,); out (1,) is not used.
 
     The mean of attitudes is that from which the rotations to all of them have the mean zero, found in three steps.
     """
-    given = contents(numbers)
     at, x = given.estimate, given.state
     points, errors, shift, mean = at.points, at.errors, at.shift, at.mean
     n = x.shape[0]
@@ -112,13 +111,12 @@ def predict(control: Array, numbers: Prediction, out: Array) -> None:
 
 
 @program
-def correct(values: Array, control: Array, numbers: Correction, out: Array) -> None:
+def correct(values: Array, control: Array, given: Correction, out: Array) -> None:
     """Mean and covariance after a measurement (l,); control (c,): of the step that led to the state.
 
     out (1 + l,): the normalised innovation squared, then the innovation in units of its own standard deviations, its
     numbers uncorrelated: L^-1 (values - expected), where L L' is the innovation's covariance; NaN: no correction
     """
-    given = contents(numbers)
     at, x, measured, expected, C_y = given.estimate, given.state, given.measured, given.expected, given.C_y
     points, n, l = at.points, x.shape[0], values.shape[0]
     _draw(at)

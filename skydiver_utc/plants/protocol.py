@@ -10,7 +10,7 @@ import numpy as np
 from numba.core.errors import NumbaError
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.jit import by_address, for_rows, in_memory, is_jitted
+from skydiver_utc.jit import by_address, in_memory, is_jitted
 
 # step(state (n,), control (m,), parameters, out (n,)) writes the state one step later; out may be the state.
 Step = Callable[[Array, Array, Any, Array], None]
@@ -197,7 +197,8 @@ class Plant(ABC):
         """All outputs (..., L) of states (..., n)."""
         found = np.empty((*states.shape[:-1], len(self.output_names)))
         rows = np.ascontiguousarray(states, dtype=float).reshape(-1, states.shape[-1])
-        for_rows(self.bound_model.outputs, rows, found.reshape(-1, found.shape[-1]))
+        for state, y in zip(rows, found.reshape(-1, found.shape[-1]), strict=True):
+            self.bound_model.outputs(state, y)
         return found
 
     def joint_angles(self, applied: Array) -> Array:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The gain of a linear estimate from covariances, written out so that it compiles fast."""
+"""Linear algebra of covariances, written out so that it compiles fast."""
 
 import numpy as np
 
@@ -42,3 +42,20 @@ def gain(C_y: Array, C_uy: Array, P: Array) -> bool:
                 C_uy[a, i] -= C_y[k, i] * C_uy[a, k]
             C_uy[a, i] /= C_y[i, i]
     return True
+
+
+@kernel
+def trace(matrix: Array) -> float:
+    """Sum of the diagonal."""
+    total = 0.0
+    for k in range(len(matrix)):
+        total += matrix[k, k]
+    return total
+
+
+@kernel
+def raise_diagonal(matrix: Array, share: float) -> None:
+    """Add this share of its trace to each entry of the diagonal."""
+    added = share * trace(matrix)
+    for k in range(len(matrix)):
+        matrix[k, k] += added

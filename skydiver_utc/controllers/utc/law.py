@@ -10,9 +10,9 @@ from skydiver_utc.arrays import Array, Integers
 from skydiver_utc.controllers.protocol import Status
 from skydiver_utc.controllers.utc.survivors import next_spread, survived_range, weights_left
 from skydiver_utc.controllers.utc.verdict import not_reached, without_effect
-from skydiver_utc.jit import contents, kernel, program
+from skydiver_utc.jit import kernel, program
 from skydiver_utc.unscented.covariance import symmetric_root
-from skydiver_utc.unscented.linear_algebra import gain
+from skydiver_utc.unscented.linear_algebra import gain, raise_diagonal, trace
 from skydiver_utc.unscented.sigma_points import TURN, add_cross_covariance, spread, unwrap, weighted_mean
 
 
@@ -99,13 +99,12 @@ _NONE, _ABOUT_CENTRE, _OUTPUTS_REPAIRED = 0, 1, 2
 
 
 @program
-def draw(state: Array, preview: Array, numbers: Law, out: Array) -> None:
+def draw(state: Array, preview: Array, law: Law, out: Array) -> None:
     """Sigma points (2m+1, m) of eq:sigp inside the bounds (eq:minmax_utc), and the reference of the horizon.
 
     A coordinate of the control that lies on its bound would leave points on one side identical: eq:movep mirrors
     them to the inner side, at half the distance.
     """
-    law = contents(numbers)
     steps, control, limits, points = law.steps, law.control, law.limits, law.points
     for t in range(steps.shape[0]):
         j = steps[t]
@@ -133,19 +132,18 @@ def draw(state: Array, preview: Array, numbers: Law, out: Array) -> None:
 
 
 @program
-def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
+def update(state: Array, preview: Array, law: Law, out: Array) -> None:
     """eq:xpred to eq:utc_controller and the bounds; where no update is possible the control stays.
 
     out: predicted and innovation (l,) each, standard deviation of the controls (m,), what was added to eigenvalues of
     Pu, recovery, how many points diverged
     """
-    law = contents(numbers)
     outputs, saved, nominal, limits = law.outputs, law.saved, law.nominal, law.limits
     weights, control, reference = law.weights, law.control, law.reference
-    m, L = saved.shape[1], outputs.shape[1]
+    m, L, of_roll_out = saved.shape[1], outputs.shape[1], law.of_roll_out.shape[1]
     repaired = out[2 * law.tracked + m]
     for i in range(outputs.shape[0]):
-        for k in range(law.of_roll_out.shape[1]):
+        for k in range(of_roll_out):
             outputs[i, k] = law.of_roll_out[i, k]
         for k in range(nominal.shape[0]):
             outputs[i, L - nominal.shape[0] + k] = saved[i, nominal[k]]
@@ -172,10 +170,8 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
             saved, outputs, U, Y, left, attempt == _ABOUT_CENTRE, law.Qu, law.P_err, following, C_y, K
         )  # fmt: skip
         if attempt == _OUTPUTS_REPAIRED:
-            trace = np.trace(C_y)
-            for k in range(L):
-                C_y[k, k] += _LEAST_OUTPUT_SHARE * trace
-        unmoved = without_effect(law, following, K)
+            raise_diagonal(C_y, _LEAST_OUTPUT_SHARE)
+        unmoved = without_effect(following, K, law.P_err, limits, of_roll_out, law.unmoved)
         found = gain(C_y, K, following)
     if not found:
         return
@@ -190,7 +186,7 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
     elif law.of_control and alive[0] > 0.0:
         for a in range(m):
             beside[a] = U[a] - saved[0, a]
-        _answer_of(law, beside, at)
+        _answer_of(K, law.P_err, law.repaired_Pu, of_roll_out, beside, at)
         for k in range(L):
             at[k] += outputs[0, k]
     for k in range(L):
@@ -224,9 +220,11 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
     for k in range(L):
         law.predicted[k], law.innovation[k] = at[k], e[k]
     status = _SATURATED if saturated else _SOLVED
-    if repaired > ROUNDING * np.trace(law.repaired_Pu) or lost > 0 or recovery != _NONE:
+    if repaired > ROUNDING * trace(law.repaired_Pu) or lost > 0 or recovery != _NONE:
         status = _REPAIRED
-    if not_reached(law):
+    if not_reached(
+        law.innovation, reference, law.P_err, of_roll_out, law.patience, law.watch, law.singly
+    ):  # fmt: skip
         status = _NOT_REACHED
     if unmoved and lost == 0 and not narrow:
         status = _NO_EFFECT
@@ -239,27 +237,24 @@ def update(state: Array, preview: Array, numbers: Law, out: Array) -> None:
 
 
 @kernel
-def _answer_of(law: Law, change: Array, answer: Array) -> None:
+def _answer_of(K: Array, P_err: Array, Pu: Array, size: int, change: Array, answer: Array) -> None:
     """The innovation (L,) of the plant's outputs that the gain would turn into a change (m,) of the control.
 
     The mean of points at bounds lies beside the control. Without this the update would follow it there, away from the
     reference; with it, it does so only where no output sees it.
     """
-    K, size = law.gain, law.per_step * law.steps.shape[0]
     squares, found, rest = np.zeros((size, size)), np.zeros((1, size)), np.empty((1, 1))
     for i in range(size):
-        unit = np.sqrt(law.P_err[i, i])
+        unit = np.sqrt(P_err[i, i])
         for a in range(K.shape[0]):
-            share = K[a, i] * unit / law.repaired_Pu[a, a]
+            share = K[a, i] * unit / Pu[a, a]
             found[0, i] += share * change[a]
             for k in range(size):
-                squares[i, k] += share * K[a, k] * np.sqrt(law.P_err[k, k])
-    trace = np.trace(squares)
-    for i in range(size):
-        squares[i, i] += _LEAST_OUTPUT_SHARE * trace
+                squares[i, k] += share * K[a, k] * np.sqrt(P_err[k, k])
+    raise_diagonal(squares, _LEAST_OUTPUT_SHARE)
     solved = gain(squares, found, rest)
     for k in range(answer.shape[0]):
-        answer[k] = found[0, k] * np.sqrt(law.P_err[k, k]) if solved and k < size else 0.0
+        answer[k] = found[0, k] * np.sqrt(P_err[k, k]) if solved and k < size else 0.0
 
 
 @kernel

@@ -5,7 +5,7 @@ import math
 from typing import NamedTuple
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.jit import call, contents, unfused
+from skydiver_utc.jit import call, unfused
 
 
 class Advance(NamedTuple):
@@ -25,9 +25,8 @@ class Advance(NamedTuple):
 
 
 @unfused
-def advanced(state: Array, before: Array, command: Array, numbers: Advance, out: Array) -> None:
+def advanced(state: Array, before: Array, command: Array, p: Advance, out: Array) -> None:
     """Write state (13,) and actuators (5,) one step later, under a command (4,)."""
-    p = contents(numbers)
     after = out[13:]
     actuated(command, before, p.limits, p.limbs, p.reaction, after)
     for i in range(5):

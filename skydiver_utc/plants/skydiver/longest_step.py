@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.jit import for_rows
 from skydiver_utc.plants.protocol import Model
 from skydiver_utc.rotations import world_up
 
@@ -57,7 +56,8 @@ def fastest_damping(model: Model, initial: Array, alpha: float) -> FastestDampin
         """Linear and angular ones (K, 6) in body axes, falling straight down with body rates (K, 3)."""
         states, following = np.tile(initial, (len(rates), 1)), np.empty((len(rates), len(initial)))
         states[:, 7:10], states[:, 10:13] = speed * down, rates
-        for_rows(step, states, controls, following)
+        for each in zip(states, controls, following, strict=True):
+            step(*each)
         changed: Array = following[:, 7:13] - states[:, 7:13]
         return changed / _STEP_S
 

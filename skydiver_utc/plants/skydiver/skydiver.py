@@ -187,8 +187,8 @@ class SkydiverPlant(Plant):
 def _condition(state: Array) -> int:
     """0 of a sound state (13,); _BEYOND the speed and rate of a falling body, _ROLLED_OVER, or both added up."""
     finite = True
-    for value in state:
-        finite &= np.isfinite(value)
+    for i in range(state.shape[0]):
+        finite &= abs(state[i]) < np.inf
     vx, vy, vz, wx, wy, wz = state[7], state[8], state[9], state[10], state[11], state[12]
     slow = vx * vx + vy * vy + vz * vz < LARGEST_SPEED_M_S**2
     falls = finite and slow and wx * wx + wy * wy + wz * wz < LARGEST_RATE_RAD_S**2
