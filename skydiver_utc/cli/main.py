@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``skydiver-utc``: the commands by name; each stands in a file of its own, which is imported when it is used."""
 
+import gc
 import sys
 from importlib import import_module
 from io import TextIOWrapper
@@ -11,6 +12,8 @@ import click
 from skydiver_utc import __version__
 from skydiver_utc.cli.errors import exit_code_of
 
+# Imports and compilation make many objects that stay: looking through them for garbage takes a tenth of a start.
+_GARBAGE_THRESHOLD = 100_000
 _COMMANDS = (
     "analyse", "calibrate", "compare", "export", "inputs", "pattern", "recover", "replay", "report", "run",
     "scenarios", "simulate", "stability", "study", "trim", "urdf", "view",
@@ -29,6 +32,7 @@ class Commands(click.Group):
         return getattr(import_module(f"skydiver_utc.cli.{cmd_name}"), cmd_name)
 
     def invoke(self, ctx: click.Context) -> Any:
+        gc.set_threshold(_GARBAGE_THRESHOLD)
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, TextIOWrapper):  # characters that the user's locale has not
                 stream.reconfigure(errors="replace")
