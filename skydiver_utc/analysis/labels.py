@@ -49,12 +49,12 @@ def rows(values: dict[str, Any]) -> list[Row]:
         for key, label, form in _OF_OUTPUT:
             value, in_s = output[key], key == "convergence_time_s"
             scaled = value if value is None or in_s else factor * value
-            words = f"{name.replace('_', ' ')}: {label.replace('SINCE', since)}{at_the_latest(values, key, value)}"
+            words = f"{name.replace('_', ' ')}: {label.replace('SINCE', since)}{_remark(values, key, value)}"
             found.append(Row(words, _text(scaled, form), "s" if in_s else unit))
     for name, label, unit, form in _ROWS:
         value = _value(values, name)
         if name.partition(".")[0] in values and (value is not None or name not in _OF_ROTATION):
-            found.append(Row(label + at_the_latest(values, name, value), _text(value, form), unit))
+            found.append(Row(label + _remark(values, name, value), _text(value, form), unit))
     for name, sensor in values.get("estimation", {}).get("sensors", {}).items():
         low, high = (_text(bound, ".3g") for bound in sensor["nis_bounds"])
         label = f"{name.replace('_', ' ')}: mean NIS, {low} to {high} expected: {sensor['verdict']}"
@@ -73,7 +73,7 @@ def facts(values: dict[str, Any]) -> list[str]:
                 found.append(f"{words} {short(factor * output[key])} {unit}")
     since = values["convergence_time_s"]
     if since is not None:
-        found.append(f"inside 5 % from {since:.2f} s on{at_the_latest(values, 'convergence_time_s', since)}")
+        found.append(f"inside 5 % from {since:.2f} s on{_remark(values, 'convergence_time_s', since)}")
     return found
 
 
@@ -92,12 +92,15 @@ def reference_added(steps: int) -> str:
     return f"{those} not in the recording: the recorded scenario's own values are used" if steps else ""
 
 
-def at_the_latest(values: dict[str, Any], name: str, value: object) -> str:
-    """Words behind the label of a time that may lie within what was not recorded."""
+def _remark(values: dict[str, Any], name: str, value: Any) -> str:
+    """Words behind the label of a time that may lie within what was not recorded, or that may be chance."""
     after = {end for _, end in values["holes_s"]} | (
         {values["begins_at_s"]} if values["missing_steps"] else set()
     )
-    return " (at the latest)" if name in _SINCE_WHEN and value in after else ""
+    if name in _SINCE_WHEN and value in after:
+        return " (at the latest)"
+    late = name == "convergence_time_s" and value is not None and value > 0.5 * values["simulated_time_s"]
+    return " (late: it may be chance)" if late else ""
 
 
 def _change(change: dict[str, Any]) -> Row:

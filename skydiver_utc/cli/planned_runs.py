@@ -38,6 +38,9 @@ def planned_runs(given: Sequence[str], settings: Sequence[str], folder: Path | N
     names, sources = [], []
     for number, text in enumerate(given, 1):
         match = _NAMED.fullmatch(text)
+        name, equals, _ = text.partition("=")
+        if equals and not match and "/" not in name:
+            raise CommandError(f"{name!r} names no run: take a letter, then letters, digits and underscores")
         names.append(match[1] if match else _DEFAULT_NAME + (f"_{number}" if number > 1 else ""))
         sources.append(match[2] if match else text)
     if twice := [name for name, count in Counter(names).items() if count > 1]:

@@ -42,7 +42,7 @@ def view(runs: Sequence[Path], live: str | None, ros: str | None, settings: Sequ
     served to browsers of this machine only; its address is printed.
     """
     if bool(runs) + (live is not None) + (ros is not None) != 1:
-        raise CommandError("give run folders, --live SCENARIO, or --ros NAMESPACE")
+        raise CommandError("give either run folders, or --live SCENARIO, or --ros NAMESPACE")
     if live is None and settings:
         raise CommandError("--set changes a scenario: it goes with --live only")
     with suppress(KeyboardInterrupt), ExitStack() as stack:

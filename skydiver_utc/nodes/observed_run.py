@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.context import Context
+from rclpy.exceptions import InvalidNamespaceException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -49,7 +50,12 @@ class ObservedRun:
         if context is None and not rclpy.ok():
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self.namespace, self.ended = namespace.strip("/"), False
-        self._node = Node("view", namespace=self.namespace, context=context)
+        try:
+            self._node = Node("view", namespace=self.namespace, context=context)
+        except InvalidNamespaceException as error:
+            raise ParameterError(
+                f"{namespace!r} is no namespace: take the name of a run, such as skydiver"
+            ) from error
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self._node)
         self._scenario: Scenario | None = None

@@ -236,7 +236,8 @@ def _names_in(folder: Path) -> list[str]:
 def _overridden(content: dict[str, Any], overrides: Mapping[str, object], origin: str) -> Scenario:
     """The scenario of resolved content, which is changed, with other values under these dotted names."""
     resolved, errors = content, []
-    for name, value in overrides.items():
+    # Kinds first: a block of another kind begins anew.
+    for name, value in sorted(overrides.items(), key=lambda item: not f".{item[0]}".endswith(".kind")):
         try:
             _override(resolved, name, value)
         except ParameterError as error:
@@ -275,6 +276,8 @@ def _override(content: dict[str, Any], name: str, value: object) -> None:
         if not isinstance(place, dict | list):
             raise ParameterError(f"there is no parameter {name}: {part} has no fields")
         part, rest = _entry(place, rest, name)
+    if part == "kind" and isinstance(place, dict) and value != place.get("kind", value):
+        place.clear()
     place[part] = value
 
 

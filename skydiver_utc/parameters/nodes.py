@@ -22,7 +22,11 @@ class NodeSettings(Parameters):
         "fast_turn_unknown_dynamics"
     )
     autostart: Annotated[
-        bool, text("configure and activate at the start, and end after the run; false: wait for transitions")
+        bool,
+        text(
+            "configure and activate at the start; plant and recorder end after the run, the others wait for the next;"
+            " false: wait for transitions"
+        ),
     ] = True
 
 

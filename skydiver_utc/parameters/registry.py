@@ -118,6 +118,8 @@ def factory(slot: str, kind: str) -> Any:
         return _load(kind)
     except ModuleNotFoundError as error:
         raise _missing(error.name or module) from error
+    except SyntaxError as error:
+        raise OwnClassError(f"the module {module} has a syntax error: {error}") from error
     except AttributeError as error:
         raise OwnClassError(
             f"the module {module} in {getattr(sys.modules.get(module), '__file__', None)} has no {name}: write the name"

@@ -200,6 +200,9 @@ class TestRecordingOfTheRest:
         assert any("RMSE from 2 s on" in row.label for row in rows(whole))
         assert ["latest" in row.label for row in rows(settled)].count(True) == 2
         assert not [row for row in rows(whole) if "latest" in row.label]
+        assert ["late:" in row.label for row in rows(whole)].count(True) == 1
+        rate[30:] = 103.0
+        assert not [row for row in rows(metrics(run_of(rate))) if "late:" in row.label]
         assert "0 to 59" in missing(late)
         assert missing(whole) == ""
 

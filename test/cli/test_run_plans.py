@@ -70,6 +70,8 @@ def test_of_several_runs_one_object_has_the_metrics_by_name(
 def test_two_runs_of_one_name_and_a_folder_that_exists_are_refused(tmp_path: Path) -> None:
     with pytest.raises(CommandError, match="called a"):
         planned_runs(["a=turn_360_left", "a=turn_360_right"], [], tmp_path / "run")
+    with pytest.raises(CommandError, match="an-na"):
+        planned_runs(["an-na=turn_360_left"], [], tmp_path / "run")
     with pytest.raises(CommandError, match=str(tmp_path)):
         planned_runs(["turn_360_left"], [], tmp_path)
 

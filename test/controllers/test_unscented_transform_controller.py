@@ -446,6 +446,13 @@ def test_a_step_names_what_has_another_shape_or_is_no_number(arguments, named):
         )
 
 
+@pytest.mark.parametrize("given", [{"control": [0.0]}, {"Pu": [1.0, 1.0]}, {"control": "full"}])
+def test_a_new_start_names_what_has_another_shape_or_is_no_number(given):
+    drive = controller(straight, lambda x: x[0], state=[0.0, 0.0], control=[0.0, 0.0])
+    with pytest.raises(ValueError, match=next(iter(given))):
+        drive.reset(**given)
+
+
 def test_the_quick_start_runs_as_printed(capsys):
     """At most 25 lines; the pendulum hangs at 1 rad under 9.81 sin(1) = 8.255."""
     page = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")

@@ -35,6 +35,7 @@ def load(tmp_path):
     """Load a scenario with this reference, from a folder that holds the module of its kind."""
     (tmp_path / "own_waves.py").write_text(MODULE)
     (tmp_path / "broken_waves.py").write_text("import no_such_dependency")
+    (tmp_path / "misspelt_waves.py").write_text("class Wave")
     (tmp_path / "folder_of_waves").mkdir()
 
     def loaded(reference, plant="kind: skydiver"):
@@ -72,6 +73,7 @@ def test_a_packaged_scenario_takes_a_kind_from_the_current_folder(tmp_path, monk
         ("kind: 'own_waves:Bare'", ["reference.kind", "own_waves:Bare", "Settings"]),
         ("kind: 'no_waves:Wave'", ["reference.kind", "no_waves.py"]),
         ("kind: 'broken_waves:Wave'", ["reference.kind", "no_such_dependency.py"]),
+        ("kind: 'misspelt_waves:Wave'", ["reference.kind", "misspelt_waves.py, line 1"]),
     ],
 )
 def test_a_wrong_one_is_named(load, reference, words):

@@ -90,7 +90,10 @@ def test_the_true_plant_is_the_plant_with_other_values_laid_over():
 
 
 def test_another_controller_has_the_defaults_of_its_kind_and_the_true_state_is_no_estimate():
-    assert load_scenario(FAST, {"controller": {"kind": "lqr"}}).controller.kind == "lqr"
+    changed = load_scenario(FAST, {"controller": {"kind": "lqr"}})
+    assert changed.controller.kind == "lqr"
+    assert load_scenario(FAST, {"controller.horizon_steps": 100, "controller.kind": "lqr"}) == changed
+    assert load_scenario(FAST, {"controller.kind": "utc"}) == shipped(FAST)
     assert not shipped(FAST).has_estimator
     assert shipped("fast_turn_gyro_accelerometer").has_estimator
 
@@ -168,6 +171,7 @@ def path_of(*alphas):
         ({"plant.subject.mass_kg": 5}, ["subject.mass_kg"]),
         ({"name.first": 1}, ["there is no parameter name.first"]),
         ({"controller": {"kind": "lqr", "K_p": 1.0}}, ["controller.K_p"]),
+        ({"controller.W0": 0.1, "controller.kind": "lqr"}, ["controller.W0"]),
     ],
     ids=lambda value: str(value) if isinstance(value, dict) else "",
 )

@@ -153,11 +153,12 @@ class UnscentedTransformController(Tunable):
         return cls(checked(UtcSettings, given), own, dynamics=dynamics)
 
     def reset(self, control: ArrayLike | None = None, Pu: ArrayLike | None = None) -> None:
-        """Start again from the plant's initial control and the initial covariance, or from others."""
-        self.resume(self._initial if control is None else np.array(control, dtype=float))
+        """Start again from the plant's initial control (m,) and the initial covariance (m, m), or from others."""
+        m = len(self._names)
+        self.resume(self._initial if control is None else _of_shape("control", control, (m,)))
         self._moved = False
         if Pu is not None:
-            self._begin_from(np.array(Pu, dtype=float))
+            self._begin_from(_of_shape("Pu", Pu, (m, m)))
             self._started = True
 
     def resume(self, control: Array) -> None:
@@ -349,10 +350,7 @@ class UnscentedTransformController(Tunable):
 
     def _checked(self, state: ArrayLike, reference: ArrayLike) -> tuple[Array, Array]:
         """State (n,) and preview (preview_steps + 1, l); raises ValueError for other shapes and what is no number."""
-        x = np.atleast_1d(numbers("state", state))
-        if x.shape != (self._n,):
-            raise ValueError(f"state has shape {x.shape} instead of ({self._n},).")
-        return x, self._preview(numbers("reference", reference))
+        return _of_shape("state", state, (self._n,)), self._preview(numbers("reference", reference))
 
     def _preview(self, reference: Array) -> Array:
         """The reference (preview_steps + 1, l) at the steps 0, 1, ..."""
@@ -367,6 +365,15 @@ class UnscentedTransformController(Tunable):
                 f" or a preview, ({rows}, {self._l})."
             )
         return np.ascontiguousarray(reference)
+
+
+def _of_shape(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:
+    values = numbers(name, given)
+    if values.ndim == 0:
+        values = values.reshape((1,) * len(shape))
+    if values.shape != shape:
+        raise ValueError(f"{name} has shape {values.shape} instead of {shape}.")
+    return values
 
 
 def _finite(state: Array, preview: Array) -> bool:

@@ -71,3 +71,5 @@ def test_a_signal_ends_the_page(ros: Ros, processes: Processes) -> None:
 def test_a_namespace_without_a_flight_is_named(ros: Ros) -> None:
     with pytest.raises(ParameterError, match="nobody"):
         ObservedRun("nobody", 0.3, ros.context)
+    with pytest.raises(ParameterError, match="two words"):
+        ObservedRun("two words", 0.3, ros.context)
