@@ -27,6 +27,7 @@ THREE_DIGITS = 5e-3
 CHAOTIC = {
     "turn_360_left": {"angle_error_deg": 0.05, "overshoot_deg": 0.04},
     "turn_360_right": {"angle_error_deg": 0.05, "overshoot_deg": 0.04},
+    "straight_fall_gyro_accelerometer": {"max_abs_error_deg_s": 0.004, "peak_yaw_rate_deg_s": 0.004},
 }
 QUICK = ("fast_turn_pi_dynamics", "slow_turn_pose_only", "turn_360_left")
 
