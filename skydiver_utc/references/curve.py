@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A reference that is a function of time, as previews on the grid of steps."""
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable
 from functools import lru_cache
@@ -18,13 +19,13 @@ _STEPS_OF_A_PERIOD = 10
 class Curve(NamedTuple):
     """Values (l,) of the outputs at a time [s] of the run.
 
-    largest: largest absolute value of each output (l,); shortest_s: its shortest period or transition, 0 for none
+    largest: largest absolute value of each output (l,); shortest_s: its shortest period or transition, inf for none
     """
 
     outputs: tuple[str, ...]
     largest: Array
     value: Callable[[float], Array]
-    shortest_s: float = 0.0
+    shortest_s: float = math.inf
 
 
 class CurveSettings(SlotSettings):
@@ -47,7 +48,7 @@ class CurveReference:
 
     def __init__(self, settings: CurveSettings, dt_s: float) -> None:
         curve = settings.curve()
-        if 0.0 < curve.shortest_s < _STEPS_OF_A_PERIOD * dt_s:
+        if curve.shortest_s < _STEPS_OF_A_PERIOD * dt_s:
             raise ValueError(
                 f"its shortest period is {curve.shortest_s:g} s: give it at least {_STEPS_OF_A_PERIOD} steps of"
                 f" dt_s ({dt_s:g} s)"

@@ -35,11 +35,11 @@ Component = tuple[float, float, float]
 
 
 class Shape(NamedTuple):
-    """Value at a time since the start [s], largest absolute value, shortest period [s] (0 for none)."""
+    """Value at a time since the start [s], largest absolute value, shortest period [s]."""
 
     value: Callable[[float], float]
     largest: float
-    shortest_s: float = 0.0
+    shortest_s: float = math.inf
 
 
 class Profile(CurveSettings):
@@ -260,7 +260,7 @@ class Rotation(Profile):
         duration_s, mean = self.duration_s, math.radians(self.angle_deg) / self.duration_s
 
         def value(since_s: float) -> float:
-            share = min(max(since_s / duration_s, 0.0), 1.0)
+            share = min(since_s / duration_s, 1.0)
             return mean * (1.0 - math.cos(2.0 * math.pi * share))
 
         return Shape(value, 2.0 * abs(mean), duration_s)
