@@ -31,8 +31,8 @@ def symmetric_root(covariance: Array, floor: float, root: Array) -> float:
                 if root[p, q] * root[p, q] <= _ROUNDING * total:
                     continue
                 theta = (root[q, q] - root[p, p]) / (2.0 * root[p, q])
-                tangent = np.copysign(1.0, theta) / (abs(theta) + np.sqrt(theta * theta + 1.0))
-                cosine = 1.0 / np.sqrt(tangent * tangent + 1.0)
+                tangent = np.copysign(1.0, theta) / (abs(theta) + _hypotenuse(theta))
+                cosine = 1.0 / _hypotenuse(tangent)
                 sine = tangent * cosine
                 for k in range(m):
                     a, b = root[k, p], root[k, q]
@@ -58,3 +58,8 @@ def symmetric_root(covariance: Array, floor: float, root: Array) -> float:
             if lifted > 0.0:
                 covariance[i, j] = repaired
     return lifted
+
+
+@kernel
+def _hypotenuse(leg: float) -> float:
+    return np.sqrt(leg * leg + 1.0)
