@@ -85,7 +85,7 @@ def of_skydiver(scenario: Scenario, alpha: float) -> Tuned:
         parameters.Qu_ratio,
         scenario.dt_s,
     )
-    preview = np.full(schedule.preview_steps + 1, fall.rates[tracked])
+    preview = np.full(parameters.preview_steps(scenario.dt_s) + 1, fall.rates[tracked])
     further = {"roll_rate": 1, "fall_rate": 2}
     used = [0, *(further[name] for name in parameters.outputs)]
     variances = [parameters.P_err, *(output.P_err for output in parameters.outputs.values())]

@@ -178,9 +178,11 @@ def summing(**changes):
     )  # fmt: skip
 
 
-def test_a_control_that_no_output_sees_goes_to_its_nominal_value():
+@pytest.mark.parametrize("innovation", ["mean", "control"])
+def test_a_control_that_no_output_sees_goes_to_its_nominal_value(innovation):
     """y = u0 + u1 wanted at 1 and u1 at 0.2: u = (0.8, 0.2), which leaves no error at all."""
-    tried = summing(P_err=1e-3, Pu=1.0, Qu=0.1, nominal={"u1": {"value": 0.2, "variance": 0.5}})
+    nominal = {"u1": {"value": 0.2, "variance": 0.5}}
+    tried = summing(P_err=1e-3, Pu=1.0, Qu=0.1, nominal=nominal, innovation=innovation)
     for _ in range(300):
         result = tried.step([0.0], 1.0)
     np.testing.assert_allclose(result.control, [0.8, 0.2], atol=1e-6)
@@ -347,6 +349,7 @@ def test_what_is_not_given_follows_from_the_ranges_and_the_outputs():
     given |= {"Pu": 0.75, "minimum": -9.0, "maximum": 9.0}
     dead_band = controller(lambda x, u, dt: np.maximum(np.abs(u) - 0.5, 0.0), None, **given)
     np.testing.assert_allclose(dead_band.P_err, [[0.01 * 0.75 * 0.5**2]])
+    assert np.isnan(controller(output=lambda x: 3.0).P_err).all()
 
 
 def test_the_tangent_is_the_present_value_and_its_change():
@@ -391,6 +394,15 @@ def test_compared_with_its_own_output_a_control_answers_for_the_mean_of_points_a
     answer = np.linalg.solve(weighted @ K, weighted @ mean)
     np.testing.assert_allclose(result.control, mean + K @ (wanted - answer), rtol=1e-9)
     np.testing.assert_allclose(result.innovation, wanted - answer, rtol=1e-9)
+
+
+def test_with_more_outputs_than_controls_the_answer_takes_all_of_the_mean_back():
+    drive = controller(
+        lambda x, u, dt: u * [1.0, 0.4], None, horizon=1, Pu=0.04, P_err=[0.01, 0.4], minimum=-0.05,
+        innovation="control",
+    )  # fmt: skip
+    result = drive.step([0.0, 0.0], [0.05, -0.1])
+    np.testing.assert_allclose(result.control, result.gain @ [0.05, -0.1], rtol=1e-9)
 
 
 @pytest.mark.parametrize(("wanted", "told"), [(2.2, False), (2.29, True)])

@@ -3,6 +3,7 @@
 
 import copy
 import pickle
+from dataclasses import replace
 
 import numba
 import numpy as np
@@ -37,6 +38,10 @@ def test_what_is_set_can_be_read_and_holds_from_the_next_step():
             result.covariance, plain.covariance
         )
         assert equal is (name == "minimum")
+    drive = controller()
+    drive.P_err = 0.3
+    drive.step([0.0, 0.0], 0.03)
+    assert drive.P_err == 0.3
 
 
 @pytest.mark.parametrize(
@@ -56,14 +61,21 @@ def test_what_cannot_be_set_is_named_and_changes_nothing(name, value, named):
 
 def test_another_dt_goes_on_from_the_same_control():
     """The cart at 0.1, then at 0.05: one step equals that of a controller made for 0.05."""
+
+    def told(drive):
+        states, _ = drive.look_ahead(np.array([0.01, 0.0]), np.full((12, 1), 0.05), 3)
+        return [*states.ravel(), *drive.explain([0.01, 0.0], 0.05).moves.ravel()]
+
     drive = controller(P_err=1e-3, rate=3.0)
     before = drive.step([0.0, 0.0], 0.05)
+    told(drive)
     drive.dt = 0.05
     fresh = controller(P_err=1e-3, rate=3.0, dt=0.05)
     fresh.reset(before.control, before.covariance)
     result, expected = (made.step([0.01, 0.0], 0.05) for made in (drive, fresh))
     np.testing.assert_array_equal(result.control, expected.control)
     np.testing.assert_array_equal(drive.rate, fresh.rate)
+    np.testing.assert_array_equal(told(drive), told(fresh))
 
 
 def test_another_dt_converts_what_was_tuned_at_one():
@@ -82,6 +94,7 @@ def test_equal_bounds_freeze_a_control():
     drive = controller(
         straight, None, state=[0.0, 0.0], control=[0.0, 0.3], minimum=[-1, 0.3], maximum=[1, 0.3]
     )
+    np.testing.assert_allclose(drive.Pu, np.diag([0.04, 0.01]))
     x = np.zeros(2)
     for _ in range(80):
         result = drive.step(x, [0.5, 0.5])
@@ -127,27 +140,35 @@ def test_a_reference_that_is_no_number_is_refused(wrong):
 
 
 def test_an_explanation_tells_which_control_moves_which_output():
-    """y = (u0, 0.1 u1) after 8 steps of 0.1 from (0, 0); deviations 0.2; the reference is (1, 0.1) away."""
+    """y = (u0, 0.1 u1) after 8 steps of 0.1 from (0, 0); deviations 0.4; the reference is (1, 0.1) away."""
     drive = controller(
-        lambda x, u, dt: x + dt * np.array([1.0, 0.1]) * u, None, control=[0.0, 1.0], P_err=[1e-4, 1.0]
+        lambda x, u, dt: x + dt * np.array([1.0, 0.1]) * u,
+        None,
+        control=[0.0, 1.0],
+        P_err=[1e-4, 1.0],
+        Pu=0.16,
     )
     before = drive.Pu
     found = drive.explain([0.0, 0.0], [1.0, 0.18])
-    np.testing.assert_allclose(found.moves, [[0.16, 0.0], [0.0, 0.016]], atol=1e-12)
+    np.testing.assert_allclose(found.moves, [[0.32, 0.0], [0.0, 0.032]], atol=1e-12)
     np.testing.assert_allclose(found.distance, [1.0, 0.1], atol=1e-12)
     np.testing.assert_allclose(found.unit, [0.01, 1.0])
     np.testing.assert_array_equal(found.clipped, [0, 3])
     head, *rows = [line.split() for line in str(found).splitlines()[1:6]]
     assert head == ["control", "now", "minimum", "maximum", "deviation", "clipped", "->", "y0", "->", "y1"]
-    assert rows[0][:7] == ["u0", "0", "-1", "1", "0.2", "0", "0.16"]
-    assert [*rows[1][:6], rows[1][7]] == ["u1", "1", "-1", "1", "0.2", "3", "0.016"]
+    assert rows[0][:7] == ["u0", "0", "-1", "1", "0.4", "0", "0.32"]
+    assert [*rows[1][:6], rows[1][7]] == ["u1", "1", "-1", "1", "0.4", "3", "0.032"]
     assert rows[2:] == [["sqrt(P_err)", "0.01", "1"], ["reference", "-", "predicted", "1", "0.1"]]
     assert len({len(line) for line in str(found).splitlines()[1:6]}) == 1
     (hint,) = [hint for hint in found.hints if "P_err" in hint]
     assert "y1" in hint
     np.testing.assert_array_equal(drive.Pu, before)
     fresh = controller(
-        lambda x, u, dt: x + dt * np.array([1.0, 0.1]) * u, None, control=[0.0, 1.0], P_err=[1e-4, 1.0]
+        lambda x, u, dt: x + dt * np.array([1.0, 0.1]) * u,
+        None,
+        control=[0.0, 1.0],
+        P_err=[1e-4, 1.0],
+        Pu=0.16,
     )
     np.testing.assert_array_equal(
         drive.step([0.0, 0.0], [1.0, 0.0]).control, fresh.step([0.0, 0.0], [1.0, 0.0]).control
@@ -167,6 +188,14 @@ ADVICE = {
         [("5 sigma points", "shorter horizon")],
     ),
 }
+
+
+def test_advice_counts_from_a_thousandth_of_P_err_and_from_one_point_that_is_left():
+    found = controller(straight, None, control=[0.0, 0.0]).explain([0.0, 0.0], [1.0, 1.0])
+    moves = np.array([[1.0, 1.0], [1e-3, 1e-3]])
+    for_points, for_control = replace(found, moves=moves, unit=np.ones(2), diverged=4).hints
+    assert "4 sigma points" in for_points
+    assert "u1" in for_control
 
 
 @pytest.mark.parametrize("case", ADVICE)

@@ -49,6 +49,13 @@ def test_a_reset_forgets_the_side_of_the_turn_before():
     np.testing.assert_array_equal(controls(range(3)), first)
 
 
+def test_beside_a_coupling_Qu_cannot_be_set():
+    scenario = load_scenario(TURN)
+    controller = build_controller(scenario, build_plant(scenario), build_reference(scenario))
+    with pytest.raises(ValueError, match="coupling"):
+        controller.Qu = 0.1
+
+
 @pytest.mark.parametrize(
     "nominal",
     [
@@ -112,4 +119,20 @@ def test_after_the_reference_the_controls_go_to_their_values_and_stay():
         assert abs(control[3] - before) <= largest * (1 + 1e-12)
         before = control[3]
     np.testing.assert_allclose(control, [*plant.initial_control()[:3], 0.3], atol=1e-12)
-    assert np.isfinite(still).all()
+    tried.reset()
+    np.testing.assert_array_equal(tried.decide(state, np.zeros((rows, 1))).control, still)
+
+
+@pytest.mark.parametrize(("alpha", "holds"), [(0.29, True), (0.15, False), (0.1, False)])
+def test_a_flight_goes_on_from_a_control_beside_that_after_the_reference(alpha, holds):
+    """Which is 0.3; at the start it is 0, and 0.15 is as far from both."""
+    scenario = load_scenario(TURN, {"controller.after_reference": {"alpha": 0.3}})
+    plant = build_plant(scenario)
+    tried = build_controller(scenario, plant, build_reference(scenario))
+    control = plant.initial_control()
+    control[3] = alpha
+    tried.resume(control)
+    control[3] += 0.1 * plant.rate[3] * scenario.dt_s
+    decision = tried.decide(plant.initial_state(), np.zeros((tried.preview_steps + 1, 1)))
+    assert np.allclose(decision.control, control, rtol=0, atol=1e-12) is holds
+    assert not holds or not decision.telemetry[:2].any()

@@ -58,14 +58,23 @@ def test_an_indefinite_covariance_is_repaired_and_reported():
     assert flat.step([0.0, 0.0], [0.1, 0.1]).repaired == pytest.approx(1e-9 * 4.0, rel=1e-5)
 
 
-def test_outputs_whose_covariance_rounding_makes_indefinite():
+@pytest.mark.parametrize("W0", [0.25, 0.0])
+def test_outputs_whose_covariance_rounding_makes_indefinite(W0):
     """y = 1e8 (1, 2, 3) u with P_err = 1e-4: C_y has eigenvalues of about 1e16 and 1e-4, 20 digits apart.
 
     u moves to the reference. A step in which the rounding leaves C_y definite by chance needs nothing.
     """
     slopes = 1e8 * np.array([1.0, 2.0, 3.0])
     drive = controller(
-        lambda x, u, dt: slopes * u, None, state=np.zeros(3), horizon=1, P_err=1e-4, Pu=0.04, Qu=0.004, **FREE
+        lambda x, u, dt: slopes * u,
+        None,
+        state=np.zeros(3),
+        horizon=1,
+        P_err=1e-4,
+        Pu=0.04,
+        Qu=0.004,
+        W0=W0,
+        **FREE,
     )
     found = []
     for wanted in (0.1, -0.2, 0.3, 0.35, -0.4):
@@ -106,8 +115,10 @@ def linear_without(lost, B, u0, **changes):
     return controller(plant, None, state=np.zeros(len(B)), control=u0, horizon=1, **FREE, **changes)
 
 
-@pytest.mark.parametrize("lost", [[3], [0, 2], [1, 2, 3, 4]])
-def test_a_point_that_diverges_counts_no_more(lost):
+@pytest.mark.parametrize(
+    ("lost", "innovation"), [([3], "mean"), ([0, 2], "mean"), ([1, 2, 3, 4], "mean"), ([0, 2], "control")]
+)
+def test_a_point_that_diverges_counts_no_more(lost, innovation):
     """The update is eq:xpred to eq:utc_controller over the other points, their weights scaled to sum to one."""
     rng = np.random.default_rng(8)
     factor, u0, B, r = (
@@ -117,7 +128,7 @@ def test_a_point_that_diverges_counts_no_more(lost):
         rng.normal(size=2),
     )
     Pu, Qu, R = factor @ factor.T + 0.1 * np.eye(3), 0.3 * np.eye(3), np.diag([0.1, 0.2])
-    result = linear_without(lost, B, u0, P_err=R, Pu=Pu, Qu=Qu).step(np.zeros(2), r)
+    result = linear_without(lost, B, u0, P_err=R, Pu=Pu, Qu=Qu, innovation=innovation).step(np.zeros(2), r)
     left = np.delete(paper_utc.sigma_points(u0, Pu, 0.25), lost, axis=0)
     W = np.delete(paper_utc.weights(3, 0.25), lost)
     W = W / W.sum()
@@ -127,6 +138,7 @@ def test_a_point_that_diverges_counts_no_more(lost):
     assert (result.status, result.lost) == (Status.REPAIRED, len(lost))
     assert f"{len(lost)} of 7 sigma points diverged" in result.sentence
     assert "lifted" not in result.sentence
+    assert ("drawn" in result.sentence) is (result.spread < 1.0)
 
 
 @pytest.mark.parametrize("lost", [(1,), (0,), (1, 4), (1, 2, 3, 4)])
@@ -210,6 +222,18 @@ def test_a_state_or_reference_that_is_not_finite_keeps_control_and_covariance(wh
     np.testing.assert_array_equal(result.control, before.control)
     np.testing.assert_array_equal(result.covariance, before.covariance)
     assert drive.step([0.0, 0.0], 0.02).status is Status.SOLVED
+
+
+@pytest.mark.parametrize(("row", "kept"), [(20, True), (21, False)])
+def test_the_reference_must_be_finite_up_to_the_horizon(row, kept):
+    scenario = load_scenario(TURN)
+    plant = build_plant(scenario)
+    controller = build_controller(scenario, plant, build_reference(scenario))
+    preview = np.ones((controller.preview_steps + 1, 1))
+    preview[row] = np.nan
+    decision = controller.decide(plant.initial_state(), preview)
+    assert (decision.status is Status.KEPT_PREVIOUS) is kept
+    assert decision.telemetry[controller.telemetry_names.index("recovery")] == Recovery.NONE
 
 
 @pytest.mark.parametrize(

@@ -167,16 +167,19 @@ def test_an_error_of_a_jitted_plant_is_named_like_that_of_a_plain_one(kind):
 
 
 @pytest.mark.parametrize("jitted", [False, True], ids=["plain", "jitted"])
-@pytest.mark.parametrize("place", ["plant", "output"])
+@pytest.mark.parametrize("place", ["plant", "output", "dynamics"])
 def test_another_number_of_values_inside_the_horizon_is_named(place, jitted):
     def changing(x):
         return x[:1] if x[0] > 5.0 else x
 
     plant = (lambda x, u, dt: changing(x) + dt * u[0]) if place == "plant" else straight
     output = changing if place == "output" else (lambda x: x)
+    dynamics = (
+        (lambda p, c, s, r, j: changing(10.0 - s)) if place == "dynamics" else (lambda p, c, s, r, j: p)
+    )
     if jitted:
-        changing, plant, output = map(numba.njit, (changing, plant, output))
-    drive = controller(plant, output)
+        changing, plant, output, dynamics = map(numba.njit, (changing, plant, output, dynamics))
+    drive = controller(plant, output, dynamics=dynamics)
     assert_usable(drive.step([0.0, 0.0], [0.1, 0.1]))
     with pytest.raises(ValueError, match=f"^{place} .*TypeError"):
         drive.step([9.0, 9.0], [0.1, 0.1])
@@ -231,6 +234,7 @@ WRONG = [
     ({"dynamics": 3}, "dynamics must be a function"), ({"dynamics": lambda point: point}, "dynamics"),
     ({"dynamics": lambda p, c, s, r, j: s}, r"dynamics .*\(2,\)"),
     ({"dynamics": lambda p, c, s, r, j: None}, "dynamics .*None"),
+    ({"dynamics": lambda p, c, s, r, j: r[9]}, "dynamics .*IndexError"),
 ]  # fmt: skip
 
 

@@ -73,7 +73,8 @@ def dynamics_of(
 ) -> Dynamics | None:
     """The change of a sigma point's control inside the horizon. Raises ValueError."""
     if own is not None:
-        return user_dynamics(own, plant)
+        preview = np.zeros((settings.preview_steps(plant.dt_s) + 1, len(outputs)))
+        return user_dynamics(own, plant, preview)
     if settings.dynamics is None:
         return None
     d = settings.dynamics
@@ -127,12 +128,12 @@ def law_of(
         Pu=Pu.copy(),
         repaired_Pu=np.empty((m, m)),
         gain=np.zeros((m, L)),
-        unmoved=np.zeros(len(of.names)),
+        unmoved=np.empty(len(of.names), dtype=np.bool_),
         alive=np.ones(points),
         spread=np.empty(1),
         watch=np.empty(2 + L),
         patience=max(_LEAST_PATIENCE, _PATIENCE * steps[-1]),
-        singly=np.empty(1),
+        singly=np.empty(1, dtype=np.bool_),
         events=np.zeros(3, dtype=np.int64),
     )
     return law, at

@@ -66,14 +66,17 @@ def of_user(
         out[a] = wanted[a]
 
 
-def user_dynamics(given: Callable[..., Any], plant: Plant) -> Dynamics:
-    """The user's control dynamics in the form of the roll-out; jitted if the plant is. Raises ValueError."""
+def user_dynamics(given: Callable[..., Any], plant: Plant, preview: Array) -> Dynamics:
+    """The user's control dynamics in the form of the roll-out; jitted if the plant is. Raises ValueError.
+
+    preview (N+1, l): one to try them with
+    """
     name = "dynamics"
     if not callable(given):
         raise ValueError(
             f"{name} must be a function (point, control, state, preview, j) -> control, not {given!r}."
         )
-    control, preview = plant.initial_control(), np.zeros((2, len(plant.output_names)))
+    control = plant.initial_control()
     shape = tried(name, given, control.copy(), control.copy(), plant.initial_state(), preview, 0).shape
     if shape != control.shape:
         raise ValueError(f"{name} returns shape {shape} for a control of shape {control.shape}.")

@@ -41,7 +41,6 @@ class HorizonOutputs:
             self.P_err[size + k, size + k], self.reference[size + k] = nominal.variance, nominal.value
         # Indices of the tracked outputs whose P_err is not known yet.
         self.not_known = set(range(len(tracked))) if settings.P_err is None else set[int]()
-        self._set_error(np.eye(len(tracked)))
         if settings.P_err is not None:
             self.set_error(settings.P_err)
 
@@ -96,6 +95,6 @@ class HorizonOutputs:
         return found - 2.0 * np.pi * turns
 
     def _set_error(self, tracked: Array) -> None:
-        of_step = np.diag([0.0] * len(self.tracked) + self._further)
+        of_step = np.diag([*tracked.diagonal(), *self._further])
         of_step[: len(self.tracked), : len(self.tracked)] = tracked
         self.P_err[: self.size, : self.size] = np.kron(np.eye(self._steps), of_step)

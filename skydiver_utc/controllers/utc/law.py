@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skydiver_utc.arrays import Array, Integers
+from skydiver_utc.arrays import Array, Flags, Integers
 from skydiver_utc.controllers.protocol import Status
 from skydiver_utc.controllers.utc.survivors import next_spread, survived_range, weights_left
 from skydiver_utc.controllers.utc.verdict import not_reached, without_effect
@@ -42,12 +42,12 @@ class Law(NamedTuple):
     offset (L,): what the plant's output is above the model's, as estimated
     reference, mean output, predicted and innovation (L,), control (m,), Pu (m, m): moved on by each step
     repaired_Pu (m, m): Pu without eigenvalues below the floor
-    gain (m, L): K; unmoved (per_step,): 1 for the outputs that no control moves over its range, else 0
+    gain (m, L): K; unmoved (per_step,): whether no control moves an output over its range
     alive (2m+1,): 1 for the points that did not diverge, else 0
     spread (1,): at which share of their distance from the centre points are drawn
     watch (2 + L,): the smallest innovation since the reference last moved, in units of sqrt(P_err), the steps since
         then, and the reference there; patience: after how many of them it counts as not reached
-    singly (1,): above zero, controls are tried one by one, without covariances in Pu and Qu
+    singly (1,): whether controls are tried one by one, without covariances in Pu and Qu
     events (3,): status, recovery and lost points of the step
     """
 
@@ -78,12 +78,12 @@ class Law(NamedTuple):
     Pu: Array
     repaired_Pu: Array
     gain: Array
-    unmoved: Array
+    unmoved: Flags
     alive: Array
     spread: Array
     watch: Array
     patience: int
-    singly: Array
+    singly: Flags
     events: Integers
 
 
@@ -115,7 +115,7 @@ def draw(state: Array, preview: Array, law: Law, out: Array) -> None:
     for a in range(m):
         for b in range(m):
             law.repaired_Pu[a, b] = law.Pu[a, b]
-            if law.singly[0] > 0.0 and a != b:
+            if law.singly[0] and a != b:
                 law.repaired_Pu[a, b] = law.Qu[a, b] = 0.0
     root = np.empty((m, m))
     out[2 * law.tracked + m] = symmetric_root(law.repaired_Pu, law.floor, root)
@@ -126,8 +126,11 @@ def draw(state: Array, preview: Array, law: Law, out: Array) -> None:
     for i in range(points.shape[0]):
         for c in range(m):
             value, low, high = points[i, c], limits[0, c], limits[1, c]
-            if (control[c] == low and value < low) or (control[c] == high and value > high):
-                value = 1.5 * control[c] - 0.5 * value
+            mirrored = 1.5 * control[c] - 0.5 * value
+            if control[c] == low:
+                value = max(value, mirrored)
+            if control[c] == high:
+                value = min(value, mirrored)
             points[i, c] = min(max(value, low), high)
 
 

@@ -79,7 +79,7 @@ class UtcResult:
         ):
             if low < high and value in (low, high):
                 found.append(f"control {j} is on its {'minimum' if value == low else 'maximum'} {value:g}")
-            elif low < high and value in (before - change, before + change):
+            elif value in (before - change, before + change):
                 found.append(f"control {j} is held by its rate limit")
         return tuple(found)
 

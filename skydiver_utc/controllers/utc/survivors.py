@@ -8,8 +8,6 @@ from skydiver_utc.jit import kernel
 
 # An output beyond this is lost: its square would overflow.
 _LARGEST_OUTPUT = 1e100
-# Weights that are left after losses are not scaled up beyond the inverse of this.
-_LEAST_WEIGHT = 1e-6
 # The points' distance from the centre is halved after a loss, and grows by this when none is lost.
 _LESS, _MORE, _LEAST_SPREAD = 0.5, 1.1, 1e-6
 
@@ -19,7 +17,7 @@ def weights_left(weights: Array, outputs: Array, saved: Array, left: Array, surv
     """Weights (2m+1,) without the points that diverged, scaled to the same sum; returns how many those are.
 
     Beside a negative central weight the others may sum to nothing or less; equal weights take their place then, as
-    they do where hardly any weight is left. Lost rows of outputs and saved are overwritten with zeros, survived (2m+1,)
+    they do where no weight is left. Lost rows of outputs and saved are overwritten with zeros, survived (2m+1,)
     with 1 and 0.
     """
     lost, total, remaining = 0, 0.0, 0.0
@@ -39,7 +37,7 @@ def weights_left(weights: Array, outputs: Array, saved: Array, left: Array, surv
                 outputs[i, k] = 0.0
             for c in range(saved.shape[1]):
                 saved[i, c] = 0.0
-    equal = lost > 0 and (weights[0] < 0.0 or remaining < _LEAST_WEIGHT * total)
+    equal = lost > 0 and (weights[0] < 0.0 or remaining == 0.0)
     for i in range(weights.shape[0]):
         if left[i] > 0.0:
             left[i] = total / (weights.shape[0] - lost) if equal else weights[i] * (total / remaining)

@@ -169,7 +169,7 @@ class UnscentedTransformController(Tunable):
         self._law.control[:] = np.clip(control, self._limits[0], self._limits[1])
         self._law.predicted[:], self._law.innovation[:] = 0.0, 0.0
         self._begin_from(self._initial_Pu)
-        self._law.spread[:], self._law.watch[:], self._law.singly[:] = 1.0, np.inf, 0.0
+        self._law.spread[:], self._law.watch[:], self._law.singly[:] = 1.0, np.inf, False
         if self._offset is not None:
             self._offset.reset()
         if self._coupling is not None:
@@ -194,13 +194,7 @@ class UnscentedTransformController(Tunable):
         noise = None if Qu is None else numbers("Qu", Qu)
         if noise is not None and noise.shape != before.shape * 2:
             raise ValueError(f"Qu has shape {noise.shape} instead of {before.shape * 2}.")
-        if _finite(x, preview[: self._steps[-1] + 1]):
-            status, recovery, lost = self._moved_on(x, preview, noise)
-        else:
-            self._law.innovation[:] = 0.0
-            status, recovery, lost = self._without_update(Status.KEPT_PREVIOUS)
-            if self._offset is not None:
-                self._offset.apply(x, self._law.control)
+        status, recovery, lost = self._moved_on(x, preview, noise)
         return self._result(status, recovery, lost, before)
 
     def _result(self, status: Status, recovery: Recovery, lost: int, before: Array) -> UtcResult:
@@ -298,6 +292,9 @@ class UnscentedTransformController(Tunable):
 
     def _step(self, state: Array, preview: Array, Qu: Array | None) -> tuple[Status, Recovery, int]:
         """One step of the law: status, recovery, lost points; the rest stands in `_out`."""
+        if not _finite(state, preview[: self._steps[-1] + 1]):
+            self._law.innovation[:] = 0.0
+            return self._without_update(Status.KEPT_PREVIOUS)
         if self._holds_after:
             self._moved = self._moved or bool(preview[0].any())
             if self._moved and not preview.any():
@@ -316,8 +313,6 @@ class UnscentedTransformController(Tunable):
         status, recovery, lost = self._law.events.tolist()
         if status == _KEPT_PREVIOUS:
             self._law.innovation[:] = 0.0
-            if not _finite(state, preview[: self._steps[-1] + 1]):
-                return self._without_update(Status.KEPT_PREVIOUS)
             # It could fail again and again.
             self._begin_from(self._first_Pu(preview))
             return self._without_update(Status.KEPT_PREVIOUS, Recovery.RESTARTED, lost, self._out[-3])

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from skydiver_utc.arrays import Array
+from skydiver_utc.arrays import Array, Flags
 from skydiver_utc.jit import kernel
 
 # Below this share of P_err what controls move of an output, squared, moves nothing in any time that counts.
@@ -15,14 +15,14 @@ LEAST_PROGRESS = 1e-2
 
 
 @kernel
-def without_effect(Pu: Array, C_uy: Array, P_err: Array, limits: Array, size: int, unmoved: Array) -> bool:
-    """Whether some output is moved by no control at any step of the horizon; `unmoved` becomes 1 for those, else 0.
+def without_effect(Pu: Array, C_uy: Array, P_err: Array, limits: Array, size: int, unmoved: Flags) -> bool:
+    """Whether some output is moved by no control at any step of the horizon; `unmoved` says which.
 
     size: how many of the outputs are of the roll-out
     """
     found, per_step = False, len(unmoved)
     for k in range(per_step):
-        unmoved[k] = 1.0
+        unmoved[k] = True
         for t in range(k, size, per_step):
             for a in range(len(Pu)):
                 if Pu[a, a] > 0.0:
@@ -31,14 +31,14 @@ def without_effect(Pu: Array, C_uy: Array, P_err: Array, limits: Array, size: in
                     reach = span * span if span < np.inf else Pu[a, a]
                     share = C_uy[a, t] / Pu[a, a]
                     if not share * share * reach <= LEAST_EFFECT * P_err[t, t]:
-                        unmoved[k] = 0.0
-        found = found or unmoved[k] > 0.0
+                        unmoved[k] = False
+        found = found or unmoved[k]
     return found
 
 
 @kernel
 def not_reached(
-    innovation: Array, reference: Array, P_err: Array, size: int, patience: int, watch: Array, singly: Array
+    innovation: Array, reference: Array, P_err: Array, size: int, patience: int, watch: Array, singly: Flags
 ) -> bool:
     """Whether a large innovation has shrunk no more for `patience` steps, beside a reference that stands still.
 
@@ -58,7 +58,7 @@ def not_reached(
     else:
         watch[1] += 1.0
     if moved:
-        singly[0] = 0.0
+        singly[0] = False
     elif watch[1] > patience:
-        singly[0] = 1.0
+        singly[0] = True
     return bool(watch[1] > patience)
