@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import sqrtm
 
 from skydiver_utc.unscented.covariance import symmetric_root
-from skydiver_utc.unscented.linear_algebra import gain
+from skydiver_utc.unscented.linear_algebra import gain, raise_diagonal
 from skydiver_utc.unscented.sigma_points import weights
 
 
@@ -65,3 +65,10 @@ def test_outputs_without_a_definite_covariance_change_nothing(variance):
     assert not gain(np.diag([2.0, variance]), K, left)
     np.testing.assert_array_equal(K, [[1.0, 1.0]])
     np.testing.assert_array_equal(left, [[1.0]])
+
+
+def test_a_diagonal_is_raised_by_a_share_of_the_trace():
+    matrix = np.random.default_rng(1).normal(size=(3, 3))
+    raised = matrix.copy()
+    raise_diagonal(raised, 0.1)
+    np.testing.assert_allclose(raised, matrix + 0.1 * np.trace(matrix) * np.eye(3), rtol=1e-14)
