@@ -21,6 +21,10 @@ FREE = {"minimum": -np.inf, "maximum": np.inf}
 TURN = "fast_turn_unknown_dynamics"
 
 
+def test_a_recovery_keeps_its_number_in_recordings():
+    assert [*Recovery] == [0, 1, 2, 3]
+
+
 def bent(**changes):
     """y = u + u^2."""
     given = {"state": [0.0], "horizon": 1, "P_err": 0.5, "W0": -3.0} | FREE

@@ -50,6 +50,8 @@ class Tunable:
     _out: Array
     # Begins anew with other settings, plant, outputs and dynamics.
     _make: Callable[..., None]
+    # State and preview as arrays, from those of `step`.
+    _checked: Callable[..., tuple[Array, Array]]
 
     @property
     def settings(self) -> UtcSettings:
@@ -85,9 +87,8 @@ class Tunable:
     def P_err(self) -> Array:
         """Covariance of the tracking error (l, l), a copy; set it as in the settings, also between steps."""
         if self._outputs.not_known:
-            self._derive_P_err(
-                self.plant.initial_state(), np.zeros((self._preview_steps + 1, len(self._outputs.tracked)))
-            )
+            at_rest = self._checked(self.plant.initial_state(), np.zeros(len(self._outputs.tracked)))
+            self._derive_P_err(*at_rest)
         return self._outputs.error
 
     @P_err.setter
