@@ -374,6 +374,8 @@ def test_angles_of_several_steps_are_the_same_a_turn_further():
     near, far = (
         drive.step([turns * 2.0 * np.pi, 0.0], 0.01) for drive, turns in zip(made, (0, 3), strict=True)
     )
+    further = made[1].explain([6.0 * np.pi, 0.0], 0.01)
+    np.testing.assert_allclose(further.distance, made[0].explain([0.0, 0.0], 0.01).distance, atol=1e-9)
     np.testing.assert_allclose(far.innovation, near.innovation, atol=1e-9)
     np.testing.assert_allclose(far.control, near.control, atol=1e-9)
 
@@ -447,7 +449,8 @@ def test_a_reference_that_is_not_reached_is_told_in_time_and_controls_are_tried_
         (([0.0, 1j], 0.1), "state"),
         (([0.0, 0.0], [0.1, 0.2, 0.3]), "reference"),
         (([0.0, 0.0], "far"), "reference"),
-        (([0.0, 0.0], 0.1, [1.0, 2.0]), "Qu"),
+        (([0.0, 0.0], [[0.1]]), "reference"),
+        (([0.0, 0.0], 0.1, [1.0, 2.0]), r"Qu .*\(2,\).*\(2, 2\)"),
     ],
 )
 def test_a_step_names_what_has_another_shape_or_is_no_number(arguments, named):

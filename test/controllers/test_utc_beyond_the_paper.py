@@ -111,9 +111,9 @@ def test_after_the_reference_the_controls_go_to_their_values_and_stay():
     tried = build_controller(scenario, plant, build_reference(scenario))
     rows, state = tried.preview_steps + 1, plant.initial_state()
     still = tried.decide(state, np.zeros((rows, 1))).control
-    tried.decide(state, np.full((rows, 1), 0.1))
+    tried.decide(state, 0.1 * np.eye(rows, 1))
     largest = 0.1 * plant.rate[3] * scenario.dt_s
-    before = tried.decide(state, np.full((rows, 1), 0.1)).control[3]
+    before = tried.decide(state, 0.1 * np.eye(rows, 1)).control[3]
     for _ in range(600):
         control = tried.decide(state + 0.01, np.zeros((rows, 1))).control
         assert abs(control[3] - before) <= largest * (1 + 1e-12)

@@ -190,6 +190,8 @@ def test_an_output_offset_is_the_error_of_the_model_over_the_horizon():
         offset = [0.02, 0.05] if k > 4 else [0.0, 0.0]
         np.testing.assert_allclose(result.of_control - result.outputs[0], offset, atol=1e-12)
         np.testing.assert_allclose(result.mean_output, result.of_control, atol=1e-12)
+        distance = drive.explain([0.05 * k], 0.5).distance
+        np.testing.assert_allclose(distance, 0.5 - result.of_control[1:], atol=1e-12)
 
 
 def test_a_controller_that_is_reset_repeats_its_first_steps():

@@ -24,28 +24,25 @@ class OutputOffset:
     ) -> None:
         self._plant, self._of, self._steps = plant, of, steps
         self._share, self.value, self._size = share, value, of.size
-        self._states: deque[Array] = deque(maxlen=steps[-1])
-        self._controls: deque[Array] = deque(maxlen=steps[-1])
+        self._past: deque[tuple[Array, Array]] = deque(maxlen=steps[-1])
 
     def reset(self) -> None:
         """Forget what was measured."""
-        self._states.clear()
-        self._controls.clear()
+        self._past.clear()
         self.value[:] = 0.0
 
     @property
-    def memory(self) -> tuple[list[Array], list[Array]]:
-        """The states measured and the controls decided since the start of the last horizon."""
-        return list(self._states), list(self._controls)
+    def memory(self) -> list[tuple[Array, Array]]:
+        """The states measured and the controls decided at them since the start of the last horizon."""
+        return list(self._past)
 
     @memory.setter
-    def memory(self, value: tuple[list[Array], list[Array]]) -> None:
-        self._states.extend(value[0])
-        self._controls.extend(value[1])
+    def memory(self, value: list[tuple[Array, Array]]) -> None:
+        self._past.extend(value)
 
     def measure(self, state: Array) -> None:
         """Take up a measured state (n,), if it lies a horizon after the first one known."""
-        if len(self._controls) == self._steps[-1]:
+        if len(self._past) == self._steps[-1]:
             # What a model raises beyond its domain, and what is not finite, says nothing of the offset.
             try:
                 difference = self._difference(state)
@@ -56,13 +53,13 @@ class OutputOffset:
 
     def apply(self, state: Array, control: Array) -> None:
         """The control (m,) that was decided at a state (n,)."""
-        self._states.append(state.copy())
-        self._controls.append(control.copy())
+        self._past.append((state.copy(), control.copy()))
 
     def _difference(self, state: Array) -> Array:
-        model, x, found = self._plant.bound_model, self._states[0].copy(), []
-        measured = [*self._states, state]
-        for j, control in enumerate(self._controls):
+        states, controls = zip(*self._past, strict=True)
+        model, x, found = self._plant.bound_model, states[0].copy(), []
+        measured = [*states, state]
+        for j, control in enumerate(controls):
             model.step(x, control, x)
             if j + 1 in self._steps:
                 found.append(self._outputs(measured[j + 1]) - self._outputs(x))

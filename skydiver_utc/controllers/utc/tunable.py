@@ -151,7 +151,7 @@ class Tunable:
         if settings.tuned_at_dt_s is not None:
             memory["_Qu"] *= share
         if self._offset is not None:
-            memory["offset_of"] = [], []  # the states measured so far are not a new step apart
+            memory["offset_of"] = []  # the states measured so far are not a new step apart
         self._make(settings, other, outputs, dynamics)
         self._remember(memory)
 
