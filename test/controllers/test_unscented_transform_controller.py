@@ -417,7 +417,7 @@ def test_a_reference_within_three_deviations_counts_as_reached(wanted, told):
     assert (Status.NOT_REACHED in found) is told
 
 
-@pytest.mark.parametrize(("horizon", "patience"), [(3, 50), (8, 80)])
+@pytest.mark.parametrize(("horizon", "patience"), [(3, 50), ((3, 8), 80)])
 def test_a_reference_that_is_not_reached_is_told_in_time_and_controls_are_tried_singly(horizon, patience):
     """Output u0 + u1 of at most 2, wanted at 10: after the step to the bound nothing shrinks any more."""
     drive = controller(

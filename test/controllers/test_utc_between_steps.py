@@ -161,7 +161,7 @@ def test_an_explanation_tells_which_control_moves_which_output():
     assert rows[2:] == [["sqrt(P_err)", "0.01", "1"], ["reference", "-", "predicted", "1", "0.1"]]
     assert len({len(line) for line in str(found).splitlines()[1:6]}) == 1
     (hint,) = [hint for hint in found.hints if "P_err" in hint]
-    assert "y1" in hint
+    assert "y1 is 31.2 times" in hint
     np.testing.assert_array_equal(drive.Pu, before)
     fresh = controller(
         lambda x, u, dt: x + dt * np.array([1.0, 0.1]) * u,
@@ -192,8 +192,8 @@ ADVICE = {
 
 def test_advice_counts_from_a_thousandth_of_P_err_and_from_one_point_that_is_left():
     found = controller(straight, None, control=[0.0, 0.0]).explain([0.0, 0.0], [1.0, 1.0])
-    moves = np.array([[1.0, 1.0], [1e-3, 1e-3]])
-    for_points, for_control = replace(found, moves=moves, unit=np.ones(2), diverged=4).hints
+    moves = np.array([[2.0, 2.0], [2e-3, 2e-3]])
+    for_points, for_control = replace(found, moves=moves, unit=np.full(2, 2.0), diverged=4).hints
     assert "4 sigma points" in for_points
     assert "u1" in for_control
 
