@@ -106,7 +106,7 @@ def _changes(node: ast.AST) -> Iterator[tuple[str, Any]]:
         case ast.Constant(value=bool(value)):
             yield "value", not value
         case ast.Constant(value=int(value) | float(value)):
-            yield "value", value + 1
+            yield "value", value + 1 if value + 1 != value else 2 * value
         case ast.Raise() | ast.Expr(value=ast.Call()):
             yield "__class__", ast.Pass
 
