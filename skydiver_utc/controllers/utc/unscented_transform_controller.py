@@ -194,7 +194,13 @@ class UnscentedTransformController(Tunable):
         noise = None if Qu is None else numbers("Qu", Qu)
         if noise is not None and noise.shape != before.shape * 2:
             raise ValueError(f"Qu has shape {noise.shape} instead of {before.shape * 2}.")
-        status, recovery, lost = self._moved_on(x, preview, noise)
+        if np.isfinite(x).all():
+            status, recovery, lost = self._moved_on(x, preview, noise)
+        else:  # which a user's functions need not stand
+            self._law.innovation[:] = 0.0
+            status, recovery, lost = self._without_update(Status.KEPT_PREVIOUS)
+            if self._offset is not None:
+                self._offset.apply(x, self._law.control)
         return self._result(status, recovery, lost, before)
 
     def _result(self, status: Status, recovery: Recovery, lost: int, before: Array) -> UtcResult:
@@ -292,9 +298,6 @@ class UnscentedTransformController(Tunable):
 
     def _step(self, state: Array, preview: Array, Qu: Array | None) -> tuple[Status, Recovery, int]:
         """One step of the law: status, recovery, lost points; the rest stands in `_out`."""
-        if not _finite(state, preview[: self._steps[-1] + 1]):
-            self._law.innovation[:] = 0.0
-            return self._without_update(Status.KEPT_PREVIOUS)
         if self._holds_after:
             self._moved = self._moved or bool(preview[0].any())
             if self._moved and not preview.any():
@@ -313,6 +316,8 @@ class UnscentedTransformController(Tunable):
         status, recovery, lost = self._law.events.tolist()
         if status == _KEPT_PREVIOUS:
             self._law.innovation[:] = 0.0
+            if not (np.isfinite(state).all() and np.isfinite(preview[: self._steps[-1] + 1]).all()):
+                return self._without_update(Status.KEPT_PREVIOUS)
             # It could fail again and again.
             self._begin_from(self._first_Pu(preview))
             return self._without_update(Status.KEPT_PREVIOUS, Recovery.RESTARTED, lost, self._out[-3])
@@ -369,7 +374,3 @@ def _of_shape(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:
     if values.shape != shape:
         raise ValueError(f"{name} has shape {values.shape} instead of {shape}.")
     return values
-
-
-def _finite(state: Array, preview: Array) -> bool:
-    return bool(np.isfinite(state).all() and np.isfinite(preview).all())
