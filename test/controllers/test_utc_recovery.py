@@ -64,23 +64,14 @@ def test_an_indefinite_covariance_is_repaired_and_reported():
     assert "lifted by 4e-09" in result.sentence
 
 
-@pytest.mark.parametrize("W0", [0.25, 0.0])
-def test_outputs_whose_covariance_rounding_makes_indefinite(W0):
+def test_outputs_whose_covariance_rounding_makes_indefinite():
     """y = 1e8 (1, 2, 3) u with P_err = 1e-4: C_y has eigenvalues of about 1e16 and 1e-4, 20 digits apart.
 
     u moves to the reference. A step in which the rounding leaves C_y definite by chance needs nothing.
     """
     slopes = 1e8 * np.array([1.0, 2.0, 3.0])
     drive = controller(
-        lambda x, u, dt: slopes * u,
-        None,
-        state=np.zeros(3),
-        horizon=1,
-        P_err=1e-4,
-        Pu=0.04,
-        Qu=0.004,
-        W0=W0,
-        **FREE,
+        lambda x, u, dt: slopes * u, None, state=np.zeros(3), horizon=1, P_err=1e-4, Pu=0.04, Qu=0.004, **FREE
     )
     found = []
     for wanted in (0.1, -0.2, 0.3, 0.35, -0.4):
@@ -163,6 +154,19 @@ def test_what_is_left_beside_a_negative_central_weight_weighs_the_same(W0, lost)
     np.testing.assert_allclose(result.control, mean + gain @ (1.0 - B @ mean), rtol=1e-12)
     np.testing.assert_allclose(result.covariance, Qu + Pu - gain @ B @ Pu, rtol=1e-11, atol=1e-14)
     assert (result.status, result.recovery, result.lost) == (Status.REPAIRED, Recovery.NONE, len(lost))
+
+
+def test_where_the_centre_is_lost_after_other_points_the_rest_shows_the_way():
+    """Moments of the four points beside it, by NumPy; the control stays among them."""
+    B = np.array([[2.0, -1.0]])
+    drive = linear_without((1, 3, 5), B, np.array([5.0, 3.0]), P_err=0.5, Pu=1.0, Qu=0.1)
+    assert drive.step([0.0], 7.0).spread == 0.5
+    result = drive.step([0.0], 7.0)
+    points = result.sigma_points[1:]
+    mean, Pu = points.mean(axis=0), np.cov(points.T, bias=True)
+    expected = mean + Pu @ B.T @ np.linalg.inv(B @ Pu @ B.T + 0.5) @ (7.0 - B @ mean)
+    np.testing.assert_allclose(result.control, np.clip(expected, points.min(axis=0), points.max(axis=0)))
+    assert (result.spread, result.lost) == (0.5, 1)
 
 
 def escape(x, u, dt):
