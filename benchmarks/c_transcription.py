@@ -130,7 +130,7 @@ class CUtc:
         schedule = CouplingSchedule(
             parameters.coupling, matrix("Pu", parameters.Pu, names), names, parameters.Qu_ratio, self._dt
         )
-        reach = max(parameters.steps[-1], schedule.preview_steps) + 1
+        reach = parameters.preview_steps(self._dt) + 1
         profile = np.ascontiguousarray(profile.reshape(len(profile)))
         covariance = schedule.initial_covariance(profile[:reach])
         Qu = np.array([schedule.process_noise(profile[k : k + reach], self._start) for k in range(steps)])
