@@ -142,7 +142,6 @@ class Tunable:
     def dt(self, value: float) -> None:
         settings, plant, outputs, dynamics = self._made_of
         memory, other = self._memory(), copy(plant)
-        vars(other).pop("bound_model", None)
         other.model, other.dt_s = plant.model_of_step(value), float(value)
         share = other.dt_s / plant.dt_s
         if len(settings.at_step(other.dt_s).steps) != len(settings.at_step(plant.dt_s).steps):
