@@ -85,6 +85,14 @@ def test_outputs_whose_covariance_rounding_makes_indefinite():
     assert set(found) <= {Recovery.NONE, Recovery.OUTPUTS_REPAIRED}
 
 
+def test_a_central_weight_of_zero_is_not_negative():
+    """y = 1e8 (u + u^2, u - u^2) at -1, 0, 1: all on one line about the mean, not about the central point."""
+    drive = controller(
+        lambda x, u, dt: 1e8 * (u + u**2 * [1.0, -1.0]), None, horizon=1, P_err=1e-4, Pu=1.0, W0=0.0
+    )
+    assert drive.step([0.0, 0.0], [0.0, 0.0]).recovery is Recovery.OUTPUTS_REPAIRED
+
+
 def test_an_unstable_pole_whose_growth_exceeds_the_digits_of_a_covariance():
     """x'' = 36 x + u over 3 s: position and speed grow e^18-fold, as one; every step has an answer."""
 
