@@ -58,10 +58,10 @@ def test_an_indefinite_covariance_is_repaired_and_reported():
     assert result.repaired == pytest.approx(1.0, rel=1e-6)
     assert "lifted by 1" in result.sentence
     assert_usable(result, -9.0, 9.0)
-    flat = controller(straight, None, control=[0.0, 0.0], minimum=-9, maximum=9, Pu=[[4.0, 4.0], [4.0, 4.0]])
+    flat = controller(straight, None, control=[0.0, 0.0], minimum=-9, maximum=9, Pu=np.full((2, 2), 4e-6))
     result = flat.step([0.0, 0.0], [0.1, 0.1])
-    assert result.repaired == pytest.approx(1e-9 * 4.0, rel=1e-5)
-    assert "lifted by 4e-09" in result.sentence
+    assert result.repaired == pytest.approx(1e-9 * 4e-6, rel=1e-5)
+    assert "lifted by 4e-15" in result.sentence
 
 
 def test_outputs_whose_covariance_rounding_makes_indefinite():
