@@ -236,10 +236,10 @@ def test_the_rate_limit_counts_per_unit_of_time():
     np.testing.assert_allclose(result.control, [0.2])
     assert result.status is Status.SATURATED
     assert "control 0" in result.sentence
-    assert "rate" in result.sentence
+    assert "rate limit" in result.sentence
     for reference, bound in ((100.0, "maximum 1"), (-100.0, "minimum -1")):
         assert f"control 0 is on its {bound}" in controller().step([0.0, 0.0], reference).sentence
-        assert "rate" in controller(rate=2.0).step([0.0, 0.0], reference).sentence
+        assert "rate limit" in controller(rate=2.0).step([0.0, 0.0], reference).sentence
 
 
 @pytest.mark.parametrize("forms", ["numpy", "numbers"])
