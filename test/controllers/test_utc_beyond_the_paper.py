@@ -111,6 +111,7 @@ def test_after_the_reference_the_controls_go_to_their_values_and_stay():
     tried = build_controller(scenario, plant, build_reference(scenario))
     rows, state = tried.preview_steps + 1, plant.initial_state()
     still = tried.decide(state, np.zeros((rows, 1))).control
+    assert still[0] != plant.initial_control()[0]
     tried.decide(state, 0.1 * np.eye(rows, 1))
     largest = 0.1 * plant.rate[3] * scenario.dt_s
     before = tried.decide(state, 0.1 * np.eye(rows, 1)).control[3]

@@ -221,12 +221,12 @@ def test_offset_free_tracking_changes_nothing_on_the_plant_of_the_model():
 @pytest.mark.parametrize(
     ("given", "steps"),
     [
-        (FREE | {"Pu": 1.0, "Qu": 20.0}, 98),
+        (FREE | {"Pu": 0.25, "Qu": 5.0}, 98),
         ({"minimum": -0.4, "maximum": 0.4, "Pu": 0.0064, "Qu": 0.128}, 10),
     ],
 )
 def test_a_variance_that_grows_unseen_is_told_with_its_remedies(given, steps):
-    """y = u0 + u1: half of Qu in each step, as of u0 - u1 nothing is seen; after 99 steps of 20 it is 1000.5."""
+    """y = u0 + u1: half of Qu in each step, since u0 - u1 is not seen; after 99 steps 1000.5 times the first."""
     drive = controller(
         lambda x, u, dt: np.array([u[0] + u[1]]), None, state=[0.0], control=[0, 0], horizon=1, **given
     )  # fmt: skip
