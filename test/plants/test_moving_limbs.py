@@ -124,6 +124,28 @@ def test_the_limbs_arrive_and_stop(target):
     assert overshoot < 1e-3
 
 
+def test_limbs_change_their_rate_as_fast_as_they_can_still_brake():
+    """Where neither rate nor acceleration is the largest: r^2 = 2 a d at a distance d, or half of it is left."""
+    _, plant = plant_of()
+    rng, dt, most = np.random.default_rng(2), plant.dt_s, plant.constants.alpha_acceleration
+    kinds = {"rate": 0, "acceleration": 0, "braking": 0, "half": 0}
+    for distance in 10.0 ** rng.uniform(-6.0, 0.0, 2000):
+        start = rng.uniform(-1.0, 1.0) * min(3.5, np.sqrt(2.0 * most * distance))
+        target = rng.choice([-1.0, 1.0]) * distance
+        _, _, _, reached, rate = plant.actuate(np.array([0.5, 0.0, 0.0, target]), np.r_[np.zeros(4), start])
+        assert reached == pytest.approx(0.5 * dt * (start + rate), abs=1e-15)
+        found = {
+            "rate": abs(abs(rate) - 3.5) < 1e-9,
+            "acceleration": abs(abs(rate - start) - most * dt) < 1e-9,
+            "braking": abs(rate**2 - 2.0 * most * abs(target - reached)) < 1e-9,
+            "half": abs(rate * dt - 2.0 * (target - reached)) < 1e-12,
+        }
+        assert any(found.values())
+        for kind in found:
+            kinds[kind] += found[kind]
+    assert min(kinds.values()) > 10
+
+
 def test_a_slow_limb_is_a_held_posture():
     """Without motion both steps are the same step."""
     (_, moving), (_, held) = plant_of(), plant_of(reaction=False)
@@ -139,7 +161,7 @@ def test_a_slow_limb_is_a_held_posture():
 def test_segments_move_with_the_table(rate):
     """The velocities are the slope of the tabulated places times the rate, in the first and last cells, too."""
     model = model_of(plant_of(nodes=65)[0])
-    step, drift = 1e-3 / model.nodes_per_rad, np.empty(3 * SEGMENT_COUNT)
+    step, drift = 1e-3 / model.nodes_per_rad, np.full(3 * SEGMENT_COUNT + 1, np.nan)
     before, after = np.empty(GEOMETRY_SIZE), np.empty(GEOMETRY_SIZE)
     for cell in range(64):
         alpha = model.alpha_first + (cell + 0.3) / model.nodes_per_rad
@@ -147,8 +169,9 @@ def test_segments_move_with_the_table(rate):
         posture_geometry(model, alpha + step, after)
         segment_drift(model, alpha, rate, drift)
         slope = (after - before)[: 3 * SEGMENT_COUNT] / (2 * step)
-        np.testing.assert_allclose(drift, rate * slope, atol=1e-7)
-        assert np.abs(drift).max() > 0.1 * abs(rate)
+        np.testing.assert_allclose(drift[:-1], rate * slope, atol=1e-7)
+        assert np.abs(drift[:-1]).max() > 0.1 * abs(rate)
+        assert np.isnan(drift[-1])
 
 
 def limb_motion(scenario, alpha, rate, acceleration):

@@ -57,9 +57,10 @@ def test_derivative_equals_transcription(seed, direction):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_step_equals_transcription_with_tabulated_posture(seed):
-    """The cubic posture table costs less than 1e-7 of a step."""
+    """The cubic posture table costs less than 1e-7 of a step; a quaternion of another length has 1 after it."""
     rng = np.random.default_rng(100 + seed)
     state, control = random_state(rng), random_control(rng, SCENARIO)
+    state[3:7] *= 1.0 + 0.1 * seed
     following = np.empty(13)
     step_of(MODEL)(state, control, following)
     posture = oracle_posture(SCENARIO, joint_angles(SCENARIO, control[3]))
@@ -68,6 +69,19 @@ def test_step_equals_transcription_with_tabulated_posture(seed):
         lambda x: oracle.state_derivative(x, control, posture, constants, normalise=False), state, MODEL.dt
     )
     np.testing.assert_allclose(following - state, expected - state, rtol=1e-6, atol=1e-7)
+
+
+def test_a_posture_that_stays_is_read_from_the_table_once():
+    """Of steps at one pattern angle the second needs no table, and a model with another table a new scratch."""
+    kept = MODEL._replace(geometry=MODEL.geometry.copy(), work=np.full_like(MODEL.work, np.nan))
+    rng = np.random.default_rng(7)
+    state, control, found, expected = random_state(rng), random_control(rng, SCENARIO), *np.empty((2, 13))
+    step_of(kept)(state, control, found)
+    kept.geometry[:] = np.nan
+    step_of(kept)(found, control, found)
+    step_of(MODEL)(state, control, expected)
+    step_of(MODEL)(expected, control, expected)
+    np.testing.assert_array_equal(found, expected)
 
 
 def test_posture_table_error_bound():
@@ -145,7 +159,8 @@ def test_a_hand_pulls_at_its_place(direction, along_z):
 
 def test_limits_bound_then_slew():
     plant = SkydiverPlant(skydiver("fast_turn_unknown_dynamics", limbs__reaction=False).plant, SCENARIO.dt_s)
-    before = np.array([0.5, 0.0, 0.0, 0.1, 0.0])
-    applied = plant.actuate(np.array([9.0, -1.0, 7.0, 1.0]), before)
-    np.testing.assert_array_equal(applied[:3], [plant.maximum[0], 0.0, plant.maximum[2]])
-    assert applied[3] == pytest.approx(0.1 + 3.5 * SCENARIO.dt_s, rel=1e-15)
+    before, slew = np.array([0.5, 0.0, 0.0, 0.1, 0.0]), 3.5 * SCENARIO.dt_s
+    for alpha, reached in ((1.0, 0.1 + slew), (-1.0, 0.1 - slew), (0.1 + 0.5 * slew, 0.1 + 0.5 * slew)):
+        applied = plant.actuate(np.array([9.0, -1.0, 7.0, alpha]), before)
+        np.testing.assert_array_equal(applied[:3], [plant.maximum[0], 0.0, plant.maximum[2]])
+        assert applied[3:].tolist() == [pytest.approx(reached, rel=1e-15), 0.0]

@@ -29,9 +29,9 @@ def advanced(state: Array, before: Array, command: Array, p: Advance, out: Array
     """Write state (13,) and actuators (5,) one step later, under a command (4,)."""
     after = out[13:]
     actuated(command, before, p.limits, p.limbs, p.reaction, after)
-    for i in range(5):
+    for i in range(len(before)):
         p.control[i], p.control[5 + i] = after[i], before[i]
-    call(p.step, (state, p.control if p.reaction else p.control[:4], p.model, out[:13]))
+    call(p.step, (state, p.control if p.reaction else p.control[:4], p.model, out))
 
 
 @unfused
@@ -43,7 +43,7 @@ def actuated(
     With reaction the rate changes evenly over the step, to the largest from which the rest can still be braked; the
     last steps halve the distance and then stop.
     """
-    for c in range(4):
+    for c in range(len(command)):
         after[c] = min(max(command[c], limits[0, c]), limits[1, c])
     target, alpha, rate = after[3], before[3], before[4]
     dt, slew, most = limbs[0], limbs[1], limbs[2]

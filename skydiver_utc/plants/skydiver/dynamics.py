@@ -201,20 +201,19 @@ def advance(
 
     The integrated vector is the state with H in the place of the body rates; the quaternion is normalised last.
     """
-    g, n, d, dt = GEOMETRY_SIZE, STATE_SIZE, _DRIFT_SIZE, model.dt
-    geometry, inverse, drift = work[:g], work[g : g + 6], work[g + 6 : g + 6 + d]
-    load, rest = work[g + 6 + d : g + 12 + d], work[g + 12 + d :]
-    slope, probe, following = rest[:n], rest[n : 2 * n], rest[2 * n : 3 * n]
+    n, dt = STATE_SIZE, model.dt
+    geometry, inverse, drift, load = work[0], work[1], work[2], work[3]
+    slope, probe, following, kept = work[4], work[5], work[6], work[7]
     for i in range(n):
         probe[i] = state[i]
         following[i] = state[i]
-    for i in range(d):
+    for i in range(_DRIFT_SIZE):
         drift[i] = 0.0
     # Along a roll-out the posture often stays: what is kept of the step before is used again.
-    if work[-1] != alpha:
+    if kept[0] != alpha:
         posture_geometry(model, alpha, geometry)
         invert_inertia(geometry, inverse)
-    work[-1] = np.nan if moving else alpha
+    kept[0] = np.nan if moving else alpha
     angular_momentum(geometry, rate, state, following[10:])
     start_x, start_y, start_z = following[10], following[11], following[12]
     momentum_x, momentum_y, momentum_z = start_x, start_y, start_z

@@ -13,11 +13,10 @@ from skydiver_utc.arrays import Array
 from skydiver_utc.jit import inlined
 from skydiver_utc.plants.protocol import SensorModel
 from skydiver_utc.plants.skydiver.dynamics import body_load, posture_geometry, segment_drift
-from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, SEGMENT_COUNT, PlantModel
+from skydiver_utc.plants.skydiver.model import PlantModel
 from skydiver_utc.rotations import turn_into_body, turn_into_world
 
 _AXES = ("x", "y", "z")
-_DRIFT_SIZE = 3 * SEGMENT_COUNT
 # International Standard Atmosphere: pressure at sea level [Pa], lapse rate over temperature there [1/m], g M / (R L).
 _ATMOSPHERE = np.array([101325.0, 0.0065 / 288.15, 5.25588])
 # The earth's field in the world [T]: 50 uT north and down by an inclination of 60 deg (central Europe 48 to 50 uT and
@@ -35,12 +34,11 @@ def gyroscope(state: Array, control: Array, numbers: Any, out: Array) -> None:
 @inlined
 def accelerometer(state: Array, control: Array, numbers: PlantModel, out: Array) -> None:
     """Specific force (3,) in the body frame [m/s2]: force of air and hands over mass, without gravity."""
-    g, d, work = GEOMETRY_SIZE, _DRIFT_SIZE, numbers.work
-    geometry, drift, load = work[:g], work[g : g + d], work[g + d : g + d + 6]
+    geometry, drift, load, kept = numbers.work[0], numbers.work[2], numbers.work[3], numbers.work[7]
     posture_geometry(numbers, control[3], geometry)
-    segment_drift(numbers, control[3], control[4] if control.shape[0] > 4 else 0.0, drift)
+    segment_drift(numbers, control[3], 0.0 if control.shape[0] == 4 else control[4], drift)
     body_load(numbers, geometry, drift, control, state, load)
-    work[-1] = np.nan  # The next step cannot use this geometry again.
+    kept[0] = np.nan  # The next step cannot use this geometry again.
     for i in range(3):
         out[i] = load[i] / numbers.mass
 
@@ -66,7 +64,7 @@ def gnss_velocity(state: Array, control: Array, numbers: Any, out: Array) -> Non
 def sensors(model: PlantModel) -> Mapping[str, SensorModel]:
     """The sensors of a skydiver, by name."""
     return {
-        "gyroscope": SensorModel(gyroscope, (0.0,), _AXES, "rad/s", "Imu", _vector("angular_velocity")),
+        "gyroscope": SensorModel(gyroscope, np.empty(0), _AXES, "rad/s", "Imu", _vector("angular_velocity")),
         "accelerometer": SensorModel(
             accelerometer, model, _AXES, "m/s2", "Imu", _vector("linear_acceleration"), in_air=True
         ),
@@ -77,7 +75,7 @@ def sensors(model: PlantModel) -> Mapping[str, SensorModel]:
             barometer, _ATMOSPHERE, ("pressure",), "Pa", "FluidPressure", ("fluid_pressure",)
         ),
         "gnss_velocity": SensorModel(
-            gnss_velocity, (0.0,), _AXES, "m/s", "TwistStamped", _vector("twist.linear")
+            gnss_velocity, np.empty(0), _AXES, "m/s", "TwistStamped", _vector("twist.linear")
         ),
     }
 
