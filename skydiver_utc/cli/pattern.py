@@ -12,7 +12,7 @@ from skydiver_utc.cli.pattern_extract import extract
 from skydiver_utc.cli.pattern_import import import_
 from skydiver_utc.cli.pattern_show import show
 from skydiver_utc.cli.settings import load_skydiver
-from skydiver_utc.plants.skydiver.pattern_kinds import DEFAULT_KIND, PATTERN_KINDS
+from skydiver_utc.plants.skydiver.pattern_kinds import PATTERN_KINDS
 
 
 @click.group()
@@ -44,7 +44,7 @@ def neutral(scenario: str, settings: Sequence[str], out: Path | None, force: boo
 @options.scenario
 @options.settings
 @click.option(
-    "--kind", type=click.Choice(list(PATTERN_KINDS)), default=DEFAULT_KIND, show_default=True,
+    "--kind", type=click.Choice(list(PATTERN_KINDS)), default="turn", show_default=True,
     help="Positive alpha turns left, lowers the head, slides to the left, or falls slower.",
 )  # fmt: skip
 @options.seed

@@ -96,6 +96,9 @@ def test_the_neutral_posture_is_made_again_by_its_command(name, tmp_path):
     made, committed = read_yaml(path), read_yaml(config_folder() / "postures" / posture)
     for joint, degrees in committed.pop("joint_angles_deg").items():
         np.testing.assert_allclose(made["joint_angles_deg"][joint], degrees, atol=1e-4)
+        np.testing.assert_array_equal(
+            made["joint_angles_deg"][joint], np.round(made["joint_angles_deg"][joint], 9)
+        )
     made.pop("joint_angles_deg")
     assert made == committed
 

@@ -12,7 +12,7 @@ from skydiver_utc.jit import address, call, kernel, program
 from skydiver_utc.parameters import MovementPattern, ParameterError, Scenario
 from skydiver_utc.plants.skydiver.dynamics import STATE_SIZE, invert_inertia, state_derivative
 from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, SWING_AT, PlantModel, build_model, pack_geometry
-from skydiver_utc.plants.skydiver.pattern_kinds import DEFAULT_KIND, PAIRED, PatternKind
+from skydiver_utc.plants.skydiver.pattern_kinds import PAIRED, PatternKind
 from skydiver_utc.plants.skydiver.steady import straight_down
 from skydiver_utc.plants.skydiver.trim import DECIMALS, Trim
 
@@ -49,7 +49,7 @@ def design_pattern(
     unit_norm = NonlinearConstraint(
         lambda free: squares @ free**2, 1.0, 1.0, jac=lambda free: 2.0 * squares * free
     )
-    guesses = [0.3 * rng.normal(size=len(reach)) for _ in range(starts)]
+    guesses = [rng.uniform(-reach, reach) for _ in range(starts)]
     if known is not None:
         guesses.append(np.tensordot(basis, pattern_direction(known), 2) / squares)
     found = [
@@ -70,7 +70,7 @@ def design_pattern(
             f"no {kind.name} pattern was found for posture {scenario.plant.posture.name}: try another seed"
         )
     direction: Array = np.tensordot(best.x, basis, 1)
-    return direction / np.linalg.norm(direction)
+    return direction
 
 
 def designed_pattern(
@@ -85,12 +85,11 @@ def designed_pattern(
     plant, subject = scenario.plant, scenario.plant.subject
     direction = design_pattern(kind, scenario, trim, np.random.default_rng(seed), known=known)
     starts = f", with pattern {known.name} as one of the starts" if known else ""
-    option = "" if kind.name == DEFAULT_KIND else f" --kind {kind.name}"
     return MovementPattern(
         name=name,
         description=kind.description,
         source=(
-            f"Designed by skydiver-utc pattern design{option} for posture {plant.posture.name}, subject"
+            f"Designed by skydiver-utc pattern design --kind {kind.name} for posture {plant.posture.name}, subject"
             f" {subject.name}, suit {subject.suit.name}, seed {seed}{starts}: {kind.aim}, within the joint limits"
             f" {subject.joint_limits.name}"
         ),

@@ -102,4 +102,3 @@ _KINDS = (
     ),
 )
 PATTERN_KINDS = {kind.name: kind for kind in _KINDS}
-DEFAULT_KIND = "turn"
