@@ -103,11 +103,16 @@ def test_a_table_too_coarse_for_its_path_is_refused(nodes, keyframes):
     assert_refused(words, plant, pattern_nodes=nodes, **of_path)
 
 
-@pytest.mark.parametrize("nodes", [9, 33, 65, 257])
-def test_the_few_places_that_are_checked_are_the_worst(nodes):
-    settings = skydiver(NAME, pattern_nodes=nodes).plant
-    model = build_model(settings, SCENARIO.dt_s, MOVES)
-    assert table_error(settings, model, MOVES, 6) == table_error(settings, model, MOVES)
+STRAIGHT = [{"alpha": 0.0, "posture": "neutral"}, {"alpha": 2.0, "posture": "head_down"}]
+
+
+@pytest.mark.parametrize(("nodes", "keyframes"), [*((n, None) for n in (9, 33, 65, 257)), (33, STRAIGHT)])
+def test_the_few_places_that_are_checked_are_the_worst(nodes, keyframes):
+    of_path = {"pattern__keyframes": keyframes} if keyframes else {}
+    settings = skydiver(NAME, pattern_nodes=nodes, **of_path).plant
+    moves = movement(settings.posture, settings.pattern)
+    model = build_model(settings, SCENARIO.dt_s, moves)
+    assert table_error(settings, model, moves, 6) == table_error(settings, model, moves)
 
 
 def test_a_dense_table_and_any_table_of_a_direction_are_taken():

@@ -33,26 +33,6 @@ def test_a_reset_forgets_the_pushes_before_it_and_takes_those_after_it(tmp_path:
     assert run.pushed is None
 
 
-class OwnSkydiver(SkydiverPlant):
-    """With a step, and faults, of its own."""
-
-    def step(self, state: Any, before: Any, applied: Any) -> Any:
-        """Onwards."""
-        return state + 1.0
-
-    def fault(self, state: Any) -> str:
-        """Always."""
-        return "it is enough"
-
-
-def test_what_a_class_of_the_skydiver_writes_anew_counts() -> None:
-    scenario = load_scenario("fast_turn_lqr")
-    plant = OwnSkydiver(scenario.plant, scenario.dt_s)
-    state, _ = plant.advance(plant.initial_state(), plant.initial_applied(), plant.initial_control())
-    np.testing.assert_array_equal(state, plant.initial_state() + 1.0)
-    assert not plant.is_sound(plant.initial_state())
-
-
 class Breeze:
     """A disturbance that inherits from nothing."""
 

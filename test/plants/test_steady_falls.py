@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from refusals import assert_refused
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
@@ -19,7 +20,13 @@ from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, INERTIA_AT
 from skydiver_utc.plants.skydiver.modes import Mode, modes
 from skydiver_utc.plants.skydiver.pattern_report import pattern_effect
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
-from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall, steady_turn, straight_falls
+from skydiver_utc.plants.skydiver.steady import (
+    HeldBody,
+    SteadyFall,
+    falling_straight,
+    steady_turn,
+    straight_falls,
+)
 from skydiver_utc.plants.skydiver.table_error import TableError
 from skydiver_utc.plants.skydiver.trim import in_posture
 from skydiver_utc.plants.skydiver.yaw import steady_yaw_rates, yaw_acceleration
@@ -193,6 +200,34 @@ def test_a_fault_tells_speed_and_body_rate():
             assert not plant.is_sound(state)
 
 
+class OwnSkydiver(SkydiverPlant):
+    """With a step, and faults, of its own."""
+
+    def step(self, state, before, applied):
+        return state + 1.0
+
+    def fault(self, state):
+        return "it is enough"
+
+
+def test_what_a_class_of_the_skydiver_writes_anew_counts():
+    plant = OwnSkydiver(scenario_of("neutral").plant, 0.0042)
+    state, _ = plant.advance(plant.initial_state(), plant.initial_applied(), plant.initial_control())
+    np.testing.assert_array_equal(state, plant.initial_state() + 1.0)
+    assert not plant.is_sound(plant.initial_state())
+
+
+@pytest.mark.parametrize("belly_to_earth", [True, False])
+def test_a_dorsal_axis_below_the_horizon_is_a_mishap_where_the_settings_say_so(belly_to_earth):
+    plant = SkydiverPlant(skydiver(belly_to_earth=belly_to_earth).plant, 0.0042)
+    turned = [Rotation.from_euler("x", angle, degrees=True).as_quat() for angle in (0.0, 89.9, 90.1, 180.0)]
+    for attitude, below in zip([*turned, 4 * [0.5]], (False, False, True, True, False), strict=True):
+        state = np.zeros(13)
+        state[3:7] = attitude
+        assert not plant.fault(state)
+        assert bool(plant.mishap(state)) == (not plant.is_sound(state)) == (below and belly_to_earth)
+
+
 @pytest.mark.parametrize(
     ("eigenvalue", "stable", "time_constant", "frequency", "damping_ratio"),
     [
@@ -220,6 +255,13 @@ def test_modes_that_share_no_states_have_their_names_in_order():
         *("slide subsidence", "fall rate divergence", "yaw subsidence", "pitch divergence 1"),
         *("roll subsidence 1", "pitch divergence 2", "roll subsidence 2", "glide divergence"),
     ]
+
+
+@pytest.mark.parametrize(("pitch_deg", "name"), [(44.0, "roll"), (46.0, "yaw")])
+def test_a_tilt_to_the_side_belongs_to_the_body_axis_nearest_to_its_own(pitch_deg, name):
+    """That is cos(pitch) along x and sin(pitch) along z."""
+    (mode, *_) = modes(np.diag([-9.0, *range(-8, -1)]), falling_straight(50.0, np.deg2rad(pitch_deg)))
+    assert mode.name == f"{name} subsidence 1"
 
 
 @pytest.mark.parametrize(
@@ -275,6 +317,23 @@ def test_the_report_of_a_fall_has_its_numbers_in_their_units():
         np.testing.assert_allclose(row["yaw_rate_deg_s"], rates)
 
 
+BENT = [0.0, 10.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"pattern": "layout"}, "pattern layout is a path"),
+        ({"limits__alpha": [0.5, 1.5], "initial__alpha": 0.5}, "from 0.5 to 1.5 leaves out 0"),
+        ({"limits__alpha": [-1.5, -0.5], "initial__alpha": -0.5}, "from -1.5 to -0.5 leaves out 0"),
+        ({"posture__joint_angles_deg__left_knee": [170.0, 0.0, 0.0]}, "posture neutral"),
+        ({"posture__joint_angles_deg__left_shoulder": BENT}, "posture neutral: this posture has no steady"),
+    ],
+)
+def test_a_posture_without_a_report_is_named(settings, words):
+    assert_refused(words, fall_report, skydiver(**settings))
+
+
 def test_the_effect_of_a_pattern_is_the_difference_half_a_radian_to_both_sides():
     scenario = skydiver(initial__pitch_deg=5.0)
     posture, direction = posture_angles(scenario.plant.posture), np.zeros((15, 3))
@@ -297,7 +356,7 @@ def test_a_table_is_too_coarse_beyond_half_a_millimetre_or_5_g_m2():
 
 
 def test_a_crooked_posture_has_no_straight_fall():
-    crooked = skydiver(posture__joint_angles_deg__left_shoulder=[0.0, 10.0, 0.0])
+    crooked = skydiver(posture__joint_angles_deg__left_shoulder=BENT)
     with pytest.raises(ParameterError, match="left and right"):
         straight_falls(model_of(crooked))
 
@@ -363,3 +422,4 @@ def test_the_model_has_the_numbers_of_the_settings_times_their_ratios():
     )
     low, high = settings.limits.alpha
     assert (model.alpha_first, model.nodes_per_rad) == (low, pytest.approx(64 / (high - low)))
+    assert model.geometry.shape == (65, 9 * 16 + 6 + 3)

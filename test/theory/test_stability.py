@@ -188,6 +188,7 @@ def test_what_cannot_be_analysed_is_refused_in_one_sentence(tmp_path, arguments,
     ("line", "words"),
     [
         ("A: [[1, 0]]", "A must have 1 rows of 1 numbers"),
+        ("A: [[1, 0], [0, 1]]", "B must have 2 rows of 1 numbers"),
         ("B: [[1, 2]]", "Qu must have one variance"),
         ("B: [[0]]", "B is zero"),
         ("P_err: [1, 1]", "P_err must have 1 numbers"),

@@ -185,7 +185,7 @@ class SkydiverPlant(Plant):
 
 @unfused
 def _condition(state: Array) -> int:
-    """0 of a sound state (13,); _BEYOND the speed and rate of a falling body, _ROLLED_OVER, or both added up."""
+    """0 of a sound state (13,); _BEYOND the speed and rate of a falling body, _ROLLED_OVER, or both."""
     finite = True
     for i in range(state.shape[0]):
         finite &= abs(state[i]) < np.inf
@@ -193,7 +193,7 @@ def _condition(state: Array) -> int:
     slow = vx * vx + vy * vy + vz * vz < LARGEST_SPEED_M_S**2
     falls = finite and slow and wx * wx + wy * wy + wz * wz < LARGEST_RATE_RAD_S**2
     above = up_of_quaternion(state[3], state[4], state[5], state[6])[2] >= 0.0
-    return (0 if falls else _BEYOND) + (0 if above else _ROLLED_OVER)
+    return (0 if falls else _BEYOND) | (0 if above else _ROLLED_OVER)
 
 
 def _quaternion(heading_deg: float, pitch_deg: float, bank_deg: float) -> Array:

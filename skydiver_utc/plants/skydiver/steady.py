@@ -183,16 +183,12 @@ def steady_turn(body: HeldBody, near: SteadyFall) -> SteadyFall | None:
     """The steady turn about the vertical nearest to a fall; None where no solution is found from there."""
     from scipy.optimize import root
 
-    gravity = body.model.gravity
-
     def unpack(x: Array) -> tuple[Array, Array, Array]:
         up = x[3:6] / np.linalg.norm(x[3:6])
         return up, _SPEED * x[:3], x[6] * up
 
     def unbalanced(x: Array) -> Array:
-        accelerations = body.accelerations(*unpack(x))
-        accelerations[:3] /= gravity
-        return np.append(accelerations, x[3:6] @ x[3:6] - 1.0)
+        return np.append(body.accelerations(*unpack(x)), x[3:6] @ x[3:6] - 1.0)
 
     turning = float(near.rates @ near.up)
     found = root(unbalanced, np.concatenate([near.velocity / _SPEED, near.up, [turning]]), tol=1e-13)
