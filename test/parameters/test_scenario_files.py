@@ -93,6 +93,10 @@ def test_yaml_has_bounds_and_its_faults_a_place() -> None:
             parse_yaml(wrong, "it")
     with pytest.raises(ParameterError, match="too many"):
         refuse_non_finite([1] * 200_001, "it")
+    deep: list[object] = []
+    for _ in range(3000):
+        deep = [deep]
+    assert_refused("override", load_scenario, FAST, {"plant.limits.alpha": deep})
 
 
 @pytest.mark.parametrize(

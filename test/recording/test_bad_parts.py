@@ -204,7 +204,7 @@ def packed(opcode: int, content: bytes, beyond: int = 0) -> bytes:
     [
         ("", b"", 0, 0),
         ("", packed(0x80, b"of a writer's own"), None, 0),
-        ("", packed(Opcode.MESSAGE, bytes(30), beyond=1), None, 1),
+        ("", packed(0x80, b"of a writer's own", beyond=1), None, 1),
         ("zstd", zstandard.ZstdCompressor(write_content_size=False).compress(packed(0x80, b"x")), 10, 0),
         ("zstd", zstandard.ZstdCompressor(write_content_size=False).compress(packed(0x80, b"x")), 11, 1),
         ("lz4", lz4.frame.compress(packed(0x80, b"x")), 9, 1),

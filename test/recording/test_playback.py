@@ -47,6 +47,7 @@ def test_a_start_beyond_the_end_is_refused() -> None:
     with pytest.raises(RecordingError, match="start"):
         Playback(TIMES_NS, 1.0, 1.1, False)
     assert Playback(TIMES_NS, 1.0, 1.0, False).first == 6
+    assert Playback(TIMES_NS[1:], 1.0, 1.0, False).first == 5
 
 
 def test_messages_of_one_time_keep_the_order_of_the_bag(tmp_path: Path) -> None:

@@ -420,9 +420,13 @@ def test_several_chunks_keep_the_order_and_a_lost_one_is_refused(tmp_path):
     with writer.mcap_path.open("rb") as stream:
         chunk = make_reader(stream).get_summary().chunk_indexes[1]
     data = bytearray(writer.mcap_path.read_bytes())
-    data[chunk.chunk_start_offset] = 0x7F  # a record of a kind that nobody knows, to be skipped
-    writer.mcap_path.write_bytes(data)
-    refused("skydiver-utc recover", tmp_path / "bag")
+    for opcode in (
+        0x7F,
+        0x80,
+    ):  # a record of a kind that nobody knows, and one of a writer's own, to be skipped
+        data[chunk.chunk_start_offset] = opcode
+        writer.mcap_path.write_bytes(data)
+        refused("skydiver-utc recover", tmp_path / "bag")
 
 
 def test_registered_types_do_not_leak_between_bags(tmp_path):

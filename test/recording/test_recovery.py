@@ -261,6 +261,8 @@ def test_messages_whose_channel_is_lost_are_lost_bytes(whole: Path, tmp_path: Pa
     unknown = sum(len(row.cdr) for row in rows()[first.count : last.count])
     assert loss.byte_count == first.end - first.start + unknown
     assert (loss.file, loss.after_ns, loss.before_ns) == ("run_0.mcap", None, None)
+    recover(run, tmp_path / "recovered")
+    assert recovered(tmp_path / "recovered") == rows()
 
 
 def own_bag(folder: Path) -> Path:

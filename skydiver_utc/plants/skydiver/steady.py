@@ -155,7 +155,7 @@ def straight_falls(model: PlantModel) -> list[SteadyFall]:
     def pitch_acceleration(angle: float) -> float:
         return float(_in_wind(weightless, _in_symmetry_plane(angle))[4])
 
-    angles = np.linspace(-np.pi, np.pi, _DIRECTIONS) + 0.5 * np.pi / _DIRECTIONS
+    angles = np.linspace(-np.pi, np.pi, _DIRECTIONS) + np.pi / _DIRECTIONS
     values = [pitch_acceleration(angle) for angle in angles]
     found = []
     for left, right, before, after in zip(angles, angles[1:], values, values[1:], strict=False):
@@ -200,14 +200,7 @@ def steady_turn(body: HeldBody, near: SteadyFall) -> SteadyFall | None:
 
 
 def _straight_fall(model: PlantModel, weightless: HeldBody, direction: Array) -> SteadyFall:
-    """The straight fall whose velocity points nearest to a direction; its residual says whether it is one."""
-    from scipy.optimize import least_squares
-
-    def unbalanced(x: Array) -> Array:
-        return np.append(_in_wind(weightless, x / np.linalg.norm(x))[3:], x @ x - 1.0)
-
-    x: Array = least_squares(unbalanced, direction, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
-    direction = x / np.linalg.norm(x)
+    """The straight fall along a direction; its residual says whether it is one."""
     push = _in_wind(weightless, direction)[:3]
     strength = float(np.linalg.norm(push))
     up, velocity = push / strength, np.sqrt(model.gravity / strength) * direction
