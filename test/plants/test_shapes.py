@@ -31,6 +31,7 @@ def test_solid_ellipsoids_have_the_moments_of_the_body():
     world, placed = attitude.as_matrix(), configuration(body, joint_angles(scenario, alpha))
     assert np.allclose(world.T @ total @ world, placed.inertia, atol=1e-9)
     mid_hip = state[:3] - world @ placed.centre_of_mass
+    assert np.allclose(plant.joint_angles(applied), joint_angles(scenario, alpha).ravel())
     assert np.allclose(plant.robot_pose(state, applied), [*mid_hip, *state[3:7]], atol=1e-9)
 
 

@@ -19,6 +19,7 @@ from skydiver_utc.plants.skydiver.linearise import control_effect, linearise, ti
 from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, INERTIA_AT
 from skydiver_utc.plants.skydiver.modes import Mode, modes
 from skydiver_utc.plants.skydiver.pattern_report import pattern_effect
+from skydiver_utc.plants.skydiver.reduced import belly_to_earth
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 from skydiver_utc.plants.skydiver.steady import (
     HeldBody,
@@ -28,7 +29,7 @@ from skydiver_utc.plants.skydiver.steady import (
     straight_falls,
 )
 from skydiver_utc.plants.skydiver.table_error import TableError
-from skydiver_utc.plants.skydiver.trim import in_posture
+from skydiver_utc.plants.skydiver.trim import in_posture, straight_fall
 from skydiver_utc.plants.skydiver.yaw import steady_yaw_rates, yaw_acceleration
 
 POSTURES = ("neutral", "back_to_earth", "head_down", "track")
@@ -162,6 +163,7 @@ def test_the_reduced_states_of_a_fall_are_its_tilt_rates_and_velocity():
     z = np.array([0.2, -0.3, 1.0, 2.0, 3.0, 4.0, 5.0, -6.0])
     np.testing.assert_allclose(reduce(expand(z)), z, atol=1e-12)
     np.testing.assert_array_equal(expand(z)[:3], np.zeros(3))
+    assert np.linalg.norm(expand(z)[3:7]) == pytest.approx(1.0, rel=1e-12)
 
 
 def test_the_initial_state_is_that_of_the_settings():
@@ -260,8 +262,11 @@ def test_modes_that_share_no_states_have_their_names_in_order():
 @pytest.mark.parametrize(("pitch_deg", "name"), [(44.0, "roll"), (46.0, "yaw")])
 def test_a_tilt_to_the_side_belongs_to_the_body_axis_nearest_to_its_own(pitch_deg, name):
     """That is cos(pitch) along x and sin(pitch) along z."""
-    (mode, *_) = modes(np.diag([-9.0, *range(-8, -1)]), falling_straight(50.0, np.deg2rad(pitch_deg)))
-    assert mode.name == f"{name} subsidence 1"
+    fall = falling_straight(50.0, np.deg2rad(pitch_deg))
+    assert modes(np.diag([-9.0, *range(-8, -1)]), fall)[0].name == f"{name} subsidence 1"
+    assert (fall.fall_rate, np.rad2deg(fall.pitch)) == pytest.approx((50.0, pitch_deg))
+    np.testing.assert_allclose(fall.velocity, -50.0 * fall.up, atol=1e-12)
+    assert (fall.rates.tolist(), fall.residual.tolist()) == ([0.0] * 3, [0.0] * 6)
 
 
 @pytest.mark.parametrize(
@@ -355,10 +360,24 @@ def test_a_table_is_too_coarse_beyond_half_a_millimetre_or_5_g_m2():
     assert {"0.5", "0.25"} <= set(str(TableError(5e-4, 0.25, 0.125)).split())
 
 
-def test_a_crooked_posture_has_no_straight_fall():
-    crooked = skydiver(posture__joint_angles_deg__left_shoulder=BENT)
+@pytest.mark.parametrize("degrees", [0.01, 10.0])
+def test_a_crooked_posture_has_no_straight_fall(degrees):
+    bent = scenario_of("neutral").plant.posture.joint_angles_deg["left_shoulder"] + np.array(
+        [degrees, 0.0, 0.0]
+    )
+    crooked = skydiver(posture__joint_angles_deg__left_shoulder=bent.tolist())
     with pytest.raises(ParameterError, match="left and right"):
         straight_falls(model_of(crooked))
+
+
+def test_a_fall_that_there_is_not_is_refused():
+    with pytest.raises(ParameterError, match="no straight fall"):
+        straight_falls(ball())
+    with pytest.raises(ParameterError, match="belly to earth"):
+        belly_to_earth(held("head_down")[0])
+    scenario = scenario_of("head_down")
+    with pytest.raises(ParameterError, match=r"pitch of -30\.0"):
+        straight_fall(scenario, scenario.plant.posture, -30.0)
 
 
 @pytest.mark.parametrize(("alpha", "damping"), [(0.5, 0.5), (1.5, 0.5), (1.0, 4.0)])

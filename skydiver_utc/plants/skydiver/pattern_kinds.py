@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The kinds of movement pattern that can be designed: what each one wants, and what it pays for."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 # Places in the six accelerations (x, y, z in m/s2, about x, y, z in rad/s2, body axes).
-_Y, _Z, _PITCH, _YAW = 1, 2, 4, 5
+_X, _Y, _Z, _ROLL, _PITCH, _YAW = range(6)
 # Angles of the limbs that a pattern may move: joint without its side, column.
 PAIRED = (
     *(("shoulder", column) for column in range(3)),
@@ -27,8 +28,8 @@ class PatternKind:
     against each other (-1) is mirrored by its negative and only bends the trunk sideways and twists it.
 
     judged holds pattern angles [rad], each with the weight of the wanted acceleration there; acceleration_costs
-    (6,) are paid for the squares of all, swing_costs (3,) for the squared angular momentum of limbs that move at
-    1 rad/s of the pattern: one that swings turns the body the wrong way whenever it starts.
+    are paid for the squares of some, swing_costs for the squared angular momentum about axes x, y, z of limbs that move
+    at 1 rad/s of the pattern: one that swings turns the body the wrong way whenever it starts.
     """
 
     name: str
@@ -37,8 +38,8 @@ class PatternKind:
     wanted: int
     right_side: int
     judged: tuple[tuple[float, float], ...]
-    acceleration_costs: tuple[float, float, float, float, float, float]
-    swing_costs: tuple[float, float, float]
+    acceleration_costs: Mapping[int, float]
+    swing_costs: Mapping[int, float]
 
     @property
     def midline(self) -> tuple[tuple[str, int], ...]:
@@ -58,8 +59,8 @@ _KINDS = (
         wanted=_YAW,
         right_side=-1,
         judged=((0.5, 0.6), (1.0, 0.6), (1.5, 1.8)),
-        acceleration_costs=(0.05, 0.03, 0.0, 0.6, 1.2, 0.0),
-        swing_costs=(0.9, 0.0, 3.0),
+        acceleration_costs={_X: 0.05, _Y: 0.03, _ROLL: 0.6, _PITCH: 1.2},
+        swing_costs={_X: 0.9, _Z: 3.0},
     ),
     PatternKind(
         name="pitch",
@@ -71,8 +72,8 @@ _KINDS = (
         wanted=_PITCH,
         right_side=1,
         judged=_BOTH_WAYS,
-        acceleration_costs=(1.0, 0.0, 1.0, 0.0, 0.0, 0.0),
-        swing_costs=(0.0, 0.9, 0.0),
+        acceleration_costs={_X: 1.0, _Z: 1.0},
+        swing_costs={_Y: 0.9},
     ),
     PatternKind(
         name="lateral",
@@ -84,8 +85,8 @@ _KINDS = (
         wanted=_Y,
         right_side=-1,
         judged=((0.5, 1.0), (1.0, 1.0), (1.5, 1.0)),
-        acceleration_costs=(1.0, 0.0, 1.0, 3.0, 3.0, 10.0),
-        swing_costs=(0.9, 0.0, 3.0),
+        acceleration_costs={_X: 1.0, _Z: 1.0, _ROLL: 3.0, _PITCH: 3.0, _YAW: 10.0},
+        swing_costs={_X: 0.9, _Z: 3.0},
     ),
     PatternKind(
         name="fall_rate",
@@ -97,8 +98,8 @@ _KINDS = (
         wanted=_Z,
         right_side=1,
         judged=_BOTH_WAYS,
-        acceleration_costs=(2.0, 0.0, 0.0, 0.0, 4.0, 0.0),
-        swing_costs=(0.0, 0.3, 0.0),
+        acceleration_costs={_X: 2.0, _PITCH: 4.0},
+        swing_costs={_Y: 0.3},
     ),
 )
 PATTERN_KINDS = {kind.name: kind for kind in _KINDS}
