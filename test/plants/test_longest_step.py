@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from skydivers import oracle_derivative
 
 from skydiver_utc.loop.build import build_plant
 from skydiver_utc.parameters import ParameterError, load_scenario
@@ -112,11 +113,18 @@ def test_hands_that_pull_down_make_the_damping_faster(force: str) -> None:
     level = {"plant.hands.force": force, "plant.initial.bank_deg": 0.0, "plant.initial.fall_speed_m_s": 1.0}
     rates = []
     for K_N in (0.0, 50.0):
-        plant = build_plant(load_scenario("bank_recovery", {**limits, **level, "plant.hands.K_N": K_N}))
+        scenario = load_scenario("bank_recovery", {**limits, **level, "plant.hands.K_N": K_N})
+        plant = build_plant(scenario)
         assert isinstance(plant, SkydiverPlant)
         rates.append(fastest_damping(plant.model, plant.initial_state(), 0.0).rate)
     down = -world_up(plant.initial_state())[2] * plant.constants.mass * plant.constants.gravity
     assert (rates[1] / rates[0]) ** 2 == pytest.approx(1.0 + 4.0 * 50.0 / abs(down), rel=0.01)
+    # The speed of that damping is the one whose drag is the pull.
+    state = plant.initial_state()
+    state[7:10] *= 200.0
+    state[7:10] *= rates[1] / fastest_damping(plant.model, state, 0.0).rate
+    control = np.array([6.0, *(2 * [2.0 if force == "ventral" else -2.0]), 0.0])
+    assert abs(oracle_derivative(scenario, control)(state)[7:10] @ world_up(state)) < 1e-4
 
 
 def test_damping_grows_with_the_initial_speed_whatever_its_direction() -> None:

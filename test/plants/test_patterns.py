@@ -98,6 +98,10 @@ def test_a_search_that_begins_near_a_pattern_of_the_library_ends_there(name):
     known = plant.pattern.replace(components=joint_rows(near / np.linalg.norm(near)))
     found = design_pattern(PATTERN_KINDS[name], scenario, trim, rng, starts=0, known=known)
     np.testing.assert_allclose(found, direction, atol=2e-5)
+    lower, upper = joint_ranges(plant.subject.joint_limits)
+    for alpha in plant.limits.alpha:
+        angles = trim.angles + alpha * found
+        assert ((lower <= angles) & (angles <= upper)).all()
     with pytest.raises(ParameterError, match="another seed"):
         design_pattern(PATTERN_KINDS[name], scenario, trim, rng, starts=0)
 

@@ -15,8 +15,8 @@ LARGEST_RATE_TIMES_STEP = 2.4
 _AXES = ("roll", "pitch", "yaw")
 # At most so many pattern angles are looked at.
 _ALPHAS = 33
-# Of the differences: speed [m/s], body rate [rad/s], step [s].
-_SPEED, _RATE, _STEP_S = 50.0, 0.1, 1e-6
+# Of the differences: speed [m/s], step [s].
+_SPEED, _STEP_S = 50.0, 1e-6
 
 
 class FastestDamping(NamedTuple):
@@ -61,8 +61,8 @@ def fastest_damping(model: Model, initial: Array, alpha: float) -> FastestDampin
         changed: Array = following[:, 7:13] - states[:, 7:13]
         return changed / _STEP_S
 
-    # From a rate about each axis to its opposite, at each pattern angle.
-    rates = np.tile(_RATE * np.eye(3), (_ALPHAS, 1))
+    # From 1 rad/s about each axis to its opposite, at each pattern angle.
+    rates = np.tile(np.eye(3), (_ALPHAS, 1))
     held = np.zeros((len(rates), 4))
     held[:, 0], held[:, 3] = high[0], np.repeat(np.linspace(low[3], high[3], _ALPHAS), 3)
     changes = accelerations(_SPEED, rates, held) - accelerations(_SPEED, -rates, held)
@@ -71,7 +71,7 @@ def fastest_damping(model: Model, initial: Array, alpha: float) -> FastestDampin
     pull, net = (accelerations(speed, np.zeros((2, 3)), hands)[:, :3] @ down for speed in (0.0, _SPEED))
     terminal_speeds = _SPEED * np.sqrt(np.maximum(pull, 0.0) / (pull - net))
     changes = changes.reshape(_ALPHAS, 3, 6)
-    values, vectors = np.linalg.eig(changes[:, :, 3:].transpose(0, 2, 1) / (2.0 * _RATE))
+    values, vectors = np.linalg.eig(changes[:, :, 3:].transpose(0, 2, 1) / 2.0)
     fastest, i = np.unravel_index(np.argmax(np.abs(values)), values.shape)
     axis = _AXES[int(np.argmax(np.abs(vectors[fastest, :, i])))]
     speed = max(float(np.linalg.norm(initial[7:10])), *map(float, terminal_speeds))

@@ -20,9 +20,8 @@ SEGMENT_COUNT = 16
 INERTIA_AT = 9 * SEGMENT_COUNT
 SWING_AT = INERTIA_AT + 6
 GEOMETRY_SIZE = SWING_AT + 3
-# Rows of a step's scratch: geometry, inverse inertia, velocities of segments by limb motion, load, three states, and of
-# which pattern angle the geometry is, NaN for none.
-_WORK_ROWS = 8
+# Rows of a step's scratch; drift: velocities of segments by limb motion; kept: the geometry's pattern angle, or NaN.
+_WORK_ROWS = ("geometry", "inverse", "drift", "load", "slope", "probe", "following", "kept")
 _SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -85,7 +84,7 @@ def build_model(settings: SkydiverSettings, dt_s: float, moves: Movement | None 
         alpha_acceleration=settings.limbs.alpha_acceleration,
         limb_reaction=settings.limbs.reaction,
         dt=dt_s,
-        work=np.full((_WORK_ROWS, GEOMETRY_SIZE), np.nan),
+        work=np.full((len(_WORK_ROWS), GEOMETRY_SIZE), np.nan),
     )
 
 
