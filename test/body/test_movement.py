@@ -115,6 +115,29 @@ def test_the_few_places_that_are_checked_are_the_worst(nodes, keyframes):
     assert table_error(settings, model, moves, 6) == table_error(settings, model, moves)
 
 
+@pytest.mark.parametrize(
+    ("entry", "of"),
+    [
+        *(
+            (0, "place"),
+            (47, "place"),
+            (48, "drag area"),
+            (143, "drag area"),
+            (144, "inertia"),
+            (149, "inertia"),
+        ),
+        *((150, "swing"), (152, "swing")),
+    ],
+)
+def test_an_error_of_a_table_is_that_of_its_entries(entry, of):
+    model = build_model(SCENARIO.plant, SCENARIO.dt_s, MOVES)
+    before = table_error(SCENARIO.plant, model, MOVES, 1)
+    model.geometry[:, entry] += 0.1
+    changes = np.subtract(table_error(SCENARIO.plant, model, MOVES, 1), before)
+    expected = [0.1 if name == of else 0.0 for name in before._fields]
+    np.testing.assert_allclose(changes, expected, atol=0.01)
+
+
 def test_a_dense_table_and_any_table_of_a_direction_are_taken():
     plant(pattern_nodes=65)
     straight = skydiver("bank_recovery", pattern_nodes=9)

@@ -269,15 +269,18 @@ def test_a_tilt_to_the_side_belongs_to_the_body_axis_nearest_to_its_own(pitch_de
     assert (fall.rates.tolist(), fall.residual.tolist()) == ([0.0] * 3, [0.0] * 6)
 
 
+ROUNDED = np.nextafter(1.0, 2.0)
+
+
 @pytest.mark.parametrize(
     ("up", "facing", "pitch", "bank"),
     [
         ([0.0, 0.0, 1.0], "belly to earth", 0.0, 0.0),
         ([0.0, 0.0, -1.0], "back to earth", 0.0, 0.0),
-        ([-1.0, 0.0, 0.0], "head down", 90.0, 0.0),
-        ([1.0, 0.0, 0.0], "feet down", -90.0, 0.0),
-        ([0.0, 1.0, 0.0], "right side down", 0.0, 90.0),
-        ([0.0, -1.0, 0.0], "left side down", 0.0, -90.0),
+        ([-ROUNDED, 0.0, 0.0], "head down", 90.0, 0.0),
+        ([ROUNDED, 0.0, 0.0], "feet down", -90.0, 0.0),
+        ([0.0, ROUNDED, 0.0], "right side down", 0.0, 90.0),
+        ([0.0, -ROUNDED, 0.0], "left side down", 0.0, -90.0),
         ([-0.5, 0.0, np.sqrt(0.75)], "belly to earth", 30.0, 0.0),
     ],
 )
