@@ -115,6 +115,21 @@ def test_the_few_places_that_are_checked_are_the_worst(nodes, keyframes):
     assert table_error(settings, model, moves, 6) == table_error(settings, model, moves)
 
 
+def test_the_error_of_a_table_is_that_halfway_between_its_nodes():
+    settings = skydiver(NAME, pattern_nodes=33, pattern__keyframes=STRAIGHT).plant
+    moves, body, row = (
+        movement(settings.posture, settings.pattern),
+        build_body(settings.subject),
+        np.empty(153),
+    )
+    model = build_model(settings, SCENARIO.dt_s, moves)
+    errors = []
+    for i in range(32):
+        posture_geometry(model, (i + 0.5) / 16.0, row)
+        errors.append(np.abs(row - posture_row(body, moves, (i + 0.5) / 16.0))[:48].max())
+    assert table_error(settings, model, moves).place == pytest.approx(max(errors))
+
+
 @pytest.mark.parametrize(
     ("entry", "of"),
     [

@@ -259,6 +259,17 @@ def test_modes_that_share_no_states_have_their_names_in_order():
     ]
 
 
+@pytest.mark.parametrize(
+    "up", [*Rotation.random(4, random_state=1).as_matrix()[:, 2], np.array([0.0, -1.0, 0.0])]
+)
+def test_the_axes_of_tilts_and_the_up_direction_are_a_frame(up):
+    side, pitch = tilt_axes(up)
+    np.testing.assert_allclose(np.array([side, pitch, up]).T @ [side, pitch, up], np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(np.cross(side, pitch), up, atol=1e-12)
+    nearest = 1 if abs(up[1]) < 0.9 else 2
+    assert pitch[nearest] == pytest.approx(np.sqrt(1.0 - up[nearest] ** 2))
+
+
 @pytest.mark.parametrize(("pitch_deg", "name"), [(44.0, "roll"), (46.0, "yaw")])
 def test_a_tilt_to_the_side_belongs_to_the_body_axis_nearest_to_its_own(pitch_deg, name):
     """That is cos(pitch) along x and sin(pitch) along z."""

@@ -58,7 +58,7 @@ def fastest_damping(model: Model, initial: Array, alpha: float) -> FastestDampin
         states[:, 7:10], states[:, 10:13] = speed * down, rates
         for each in zip(states, controls, following, strict=True):
             step(*each)
-        changed: Array = following[:, 7:13] - states[:, 7:13]
+        changed: Array = following[:, 7:] - states[:, 7:]
         return changed / _STEP_S
 
     # From 1 rad/s about each axis to its opposite, at each pattern angle.

@@ -139,7 +139,10 @@ class _Numbers(NamedTuple):
 
 def _numbers(kind: PatternKind, body: Body, model: PlantModel, trim: Trim) -> _Numbers:
     judged, weights = np.array(kind.judged).T.copy()
-    acceleration_costs, swing_costs = np.zeros(6), np.zeros(3)
+    acceleration_costs, swing_costs = (
+        np.zeros_like(trim.residual),
+        np.zeros_like(model.geometry[0, SWING_AT:]),
+    )
     for costs, given in ((acceleration_costs, kind.acceleration_costs), (swing_costs, kind.swing_costs)):
         costs[list(given)] = list(given.values())
     falling, angles, row = straight_down(trim.speed, trim.pitch), trim.angles, np.empty(GEOMETRY_SIZE)
