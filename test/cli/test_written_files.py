@@ -74,9 +74,12 @@ def test_a_link_is_replaced_a_pipe_and_a_device_are_written_to(tmp_path: Path) -
     assert (own.read_text(), link.read_text(), link.is_symlink()) == ("mine", "new", False)
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
-    for special in (pipe, Path(os.devnull)):
+    # A terminal of the test's own: code with a fault would replace a device that others need.
+    terminal, device = os.openpty()
+    for special in (pipe, Path(os.ttyname(device))):
         write_file(special, "new")
-    assert (os.read(reader, 9), pipe.is_fifo(), Path(os.devnull).is_char_device()) == (b"new", True, True)
+    assert os.read(reader, 9) == os.read(terminal, 9) == b"new"
+    assert pipe.is_fifo()
     link.unlink()
     link.symlink_to(pipe)
     write_file(link, "own")
@@ -85,7 +88,7 @@ def test_a_link_is_replaced_a_pipe_and_a_device_are_written_to(tmp_path: Path) -
     end, write_end = os.pipe()
     write_file(Path(f"/dev/fd/{write_end}"), "new")
     assert os.read(end, 9) == b"new"
-    for file in (reader, end, write_end):
+    for file in (reader, end, write_end, terminal, device):
         os.close(file)
 
 
