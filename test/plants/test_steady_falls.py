@@ -345,7 +345,7 @@ BENT = [0.0, 10.0, 0.0]
         ({"pattern": "layout"}, "pattern layout is a path"),
         ({"limits__alpha": [0.5, 1.5], "initial__alpha": 0.5}, "from 0.5 to 1.5 leaves out 0"),
         ({"limits__alpha": [-1.5, -0.5], "initial__alpha": -0.5}, "from -1.5 to -0.5 leaves out 0"),
-        ({"posture__joint_angles_deg__left_knee": [170.0, 0.0, 0.0]}, "posture neutral"),
+        ({"posture__joint_angles_deg__left_knee": [170.0, 0.0, 0.0]}, "left_knee flexion"),
         ({"posture__joint_angles_deg__left_shoulder": BENT}, "posture neutral: this posture has no steady"),
     ],
 )
