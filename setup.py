@@ -47,7 +47,7 @@ setup(
         "rich>=13.7",
         "rosbags>=0.11.6",
         "scipy>=1.11.1",
-        "viser>=1.1,<2",
+        "viser>=1.1.1,<2",
         "zstandard>=0.21",
     ],
     extras_require={

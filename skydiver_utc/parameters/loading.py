@@ -236,7 +236,7 @@ def _names_in(folder: Path) -> list[str]:
 def _overridden(content: dict[str, Any], overrides: Mapping[str, object], origin: str) -> Scenario:
     """The scenario of resolved content, which is changed, with other values under these dotted names."""
     resolved, errors = content, []
-    # Kinds first: a block of another kind begins anew.
+    # Kinds first: a block of another kind of this package begins anew.
     for name, value in sorted(overrides.items(), key=lambda item: not f".{item[0]}".endswith(".kind")):
         try:
             _override(resolved, name, value)
@@ -276,7 +276,8 @@ def _override(content: dict[str, Any], name: str, value: object) -> None:
         if not isinstance(place, dict | list):
             raise ParameterError(f"there is no parameter {name}: {part} has no fields")
         part, rest = _entry(place, rest, name)
-    if part == "kind" and isinstance(place, dict) and value != place.get("kind", value):
+    # A class of the user's own may take the settings of the kind before it.
+    if part == "kind" and isinstance(place, dict) and ":" not in str(value) and value != place.get("kind"):
         place.clear()
     place[part] = value
 

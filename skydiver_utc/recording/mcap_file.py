@@ -55,6 +55,7 @@ class McapFile:
     def start(self) -> None:
         """Write the header."""
         self._writer.start(profile="ros2", library=f"skydiver_utc {LIBRARY_IDENTIFIER}")
+        self._writer.flush()
 
     def write(self, messages: Iterable[QueuedMessage]) -> None:
         """Write messages and flush; topics without messages are written too, for recovery."""

@@ -46,7 +46,8 @@ def symmetric_root(covariance: Array, floor: float, root: Array) -> float:
     values = np.empty(m)
     for k in range(m):
         values[k] = max(root[k, k], floor)
-        lifted += values[k] - root[k, k]
+        if root[k, k] < floor:
+            lifted += floor - root[k, k]
     for i in range(m):
         for j in range(m):
             entry, repaired = 0.0, 0.0

@@ -79,6 +79,8 @@ def _motion(run: Run) -> Iterator[Signal]:
     states, valid = run.states, posed(run)
     for name, column in (("about x, roll", 10), ("about y, pitch", 11), ("about z, yaw", 12)):
         yield Signal("Body", "body rates", "deg/s", name, np.rad2deg(states[:, column]))
+    if not valid.any():
+        return
     attitude = Rotation.from_quat(states[valid, 3:7])
     angles = np.full((len(states), 3), np.nan)
     angles[valid] = np.unwrap(np.rad2deg(attitude.as_euler("ZYX")), axis=0, period=360.0)
