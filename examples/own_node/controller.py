@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A controller of your own: answers each state with a command that carries the state's stamp.
 
-python examples/own_node/controller.py
+python examples/own_node/controller.py    # each in a terminal; the plant ends by itself, the others by control-C
 ros2 run skydiver_utc reference_node
 ros2 run skydiver_utc plant_node
 """
@@ -26,7 +26,7 @@ def main() -> None:
 
     def on_state(message: Odometry) -> None:
         error = wanted_yaw_rate - message.twist.twist.angular.z
-        command = JointState(name=CONTROLS, position=[8.0, 0.0, 0.0, GAIN * error])
+        command = JointState(name=CONTROLS, position=[0.5, 0.0, 0.0, GAIN * error])
         command.header.stamp = message.header.stamp
         commands.publish(command)
 

@@ -86,7 +86,7 @@ def no_convergence_problems(results: PaperResults) -> Claim:
     where = f", all in {', '.join(stuck)}" if stuck else ""
     rescued = {command: one.rescued_steps for command, one in flights.items() if one.rescued_steps}
     saved = ", ".join(
-        f"`{command}` ({count}, RMSE {figure(flights[command].rmse_deg_s)})"
+        f"`{command}` ({count} steps, RMSE {figure(flights[command].rmse_deg_s)} deg/s)"
         for command, count in rescued.items()
     )
     return decided(
@@ -94,8 +94,8 @@ def no_convergence_problems(results: PaperResults) -> Claim:
         "no step of UTC without an answer, none in which no control moves the output or a reference that stands still"
         " stays out of reach; none that has one only because this package takes the covariances about"
         " the central point, in the configurations and in any other flight",
-        f"{sum(kept.values())} of {steps} steps in {len(flights)} flights without an answer or stuck{where}; by the"
-        f" remedy: {saved or 'none'}",
+        f"{sum(kept.values())} of {steps} steps in {len(flights)} flights without an answer or stuck{where}; steps with"
+        f" covariances about the central point: {saved or 'none'}",
         [not stuck, not usual & rescued.keys(), not rescued],
         "With a weight W0 far below zero the covariance of the predicted output turns negative, and the paper's"
         " equations have no answer.",
