@@ -59,7 +59,6 @@ def telemetry_figure(title: str, runs: Mapping[str, Run]) -> Figure:
             strict=True,
         ):
             axes.set_ylabel(name)
-            axes.yaxis.set_label_coords(-0.23, 0.5)
         reach = 1.5 * max(float(np.max(np.abs(np.rad2deg(run.reference[:, 0])))) for run in runs.values())
         rows[0, 0].set_ylim(-reach, reach)
         rows[1, 0].set_ylim(-0.5 * reach, 0.5 * reach)
@@ -67,7 +66,8 @@ def telemetry_figure(title: str, runs: Mapping[str, Run]) -> Figure:
         rows[3, 0].set_ylim(0.3 * _SMALLEST, 30.0)
         figure.text(0.01, 0.985, title, fontsize=12, fontweight="bold", va="top")
         _draw_legends(figure, rows[0, 0], rows[2, 0])
-        figure.subplots_adjust(left=0.125, right=0.985, bottom=0.115, top=0.875)
+        figure.subplots_adjust(left=0.125, right=0.985, bottom=0.14, top=0.875)
+        figure.align_ylabels(rows[:, 0])
     return figure
 
 

@@ -65,7 +65,7 @@ STEPS = (
     ),
     Step(
         "3_covariance",
-        "Variances and coupling: how far each control moves, and which move together",
+        "Variances and coupling: which controls move, and which together",
         {
             "damping variance / 100": _athlete(UNKNOWN, ("controller.Pu.Cm_damp_yaw", 0.0625)),
             "as it is": _athlete(UNKNOWN),
@@ -85,7 +85,7 @@ STEPS = (
     ),
     Step(
         "5_horizon",
-        "Horizon: as long as the slowest actuator needs",
+        "Horizon: long enough to tell controls apart, short against the turn",
         {
             "N = 5": _athlete(UNKNOWN, ("controller.horizon_steps", 5)),
             "N = 20": _athlete(UNKNOWN),

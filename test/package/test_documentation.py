@@ -9,6 +9,8 @@ from pathlib import Path
 
 import click
 import pytest
+import yaml
+from command_line import invoke
 from package_files import ROOT
 
 from skydiver_utc.cli.main import main
@@ -82,6 +84,17 @@ def test_the_tutorial_s_code_controls_its_pendulum(tmp_path: Path) -> None:
     script = tmp_path / "tutorial.py"
     script.write_text("".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL)), encoding="utf-8")
     assert abs(runpy.run_path(str(script))["state"][0] - 1.0) < 0.01
+
+
+def test_the_study_of_the_page_flies(tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "studies.md").read_text(encoding="utf-8")
+    found = re.search(r"^ +name: (?:.*\n)*?\n", text, re.MULTILINE)
+    assert found is not None
+    study = {**yaml.safe_load(found[0]), "runs": 1}
+    study["set"]["duration_s"] = 0.1
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(study), encoding="utf-8")
+    done = invoke("study", "run", tmp_path / "study.yaml", "--workers", 1, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.stderr
 
 
 def test_the_ways_to_a_full_ros_can_be_read() -> None:
