@@ -62,6 +62,14 @@ def rows(values: dict[str, Any]) -> list[Row]:
     return found + [_change(change) for change in values["parameter_changes"]]
 
 
+def label_of(metric: str) -> str:
+    """A metric's label and unit as at an axis; its name where it has none."""
+    known = {name: f"{label} [{unit}]" for name, label, unit, _ in _ROWS if unit}
+    for name, label, _ in _OF_OUTPUT[:2]:
+        known[f"{name}_deg_s"] = f"{label.replace('SINCE', f'{SETTLING_S:g} s')} [deg/s]"
+    return known.get(metric, metric)
+
+
 def facts(values: dict[str, Any]) -> list[str]:
     """The outcome, and how closely and since when the outputs were tracked, in a few words each."""
     found, outputs = [values["outcome"].replace("_", " ")], values["outputs"]

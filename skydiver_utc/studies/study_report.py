@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from skydiver_utc.analysis.labels import label_of
 from skydiver_utc.analysis.study_figures import ErrorMap, error_maps
 from skydiver_utc.analysis.style import png
 from skydiver_utc.parameters.files import write_file
@@ -32,7 +33,7 @@ def write_report(folder: Path, plan: Plan, rows: Sequence[Row]) -> None:
     if panels:
         bar = plan.study.success.get(metric)
         bars = [side for side in (bar.at_least, bar.at_most) if side is not None] if bar else []
-        figure = error_maps(panels, metric, bars, plan.study.sampler == "one_by_one")
+        figure = error_maps(panels, label_of(metric), bars, plan.study.sampler == "one_by_one")
         write_file(folder / FIGURE, png(figure))
     write_file(folder / REPORT, report(plan, rows, bool(panels)))
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from runs import cart, rotation, run_of, skydiver
 
-from skydiver_utc.analysis.labels import missing, rows
+from skydiver_utc.analysis.labels import label_of, missing, rows
 from skydiver_utc.analysis.metrics import metrics, to_json
 from skydiver_utc.analysis.numbers import first_step_from
 from skydiver_utc.controllers.protocol import Status
@@ -213,6 +213,12 @@ class TestRecordingOfTheRest:
         assert (before["angle_error_deg"], before["overshoot_deg"]) == (None, None)
         assert before["rmse_rotating_deg_s"] == whole["rmse_rotating_deg_s"] == pytest.approx(10.0)
         assert within["rmse_rotating_deg_s"] is None
+
+
+def test_a_metric_has_the_label_of_its_row_and_its_unit() -> None:
+    assert label_of("rmse_deg_s") == "RMSE from 2 s on [deg/s]"
+    assert label_of("overshoot_deg") == "overshoot [deg]"
+    assert label_of("own_metric") == "own_metric"
 
 
 def test_rows_of_another_plant_have_its_names_and_no_skydivers() -> None:
