@@ -404,7 +404,7 @@ class _Once(event.Listener):  # type: ignore[misc]
     def on_start(self, event: Any) -> None:
         report, self._report = self._report, None
         if report is not None:
-            report("compiling the model, once for each installation")
+            report("compiling for the first use; later starts take it from disk")
 
     def on_end(self, event: Any) -> None:
         pass
