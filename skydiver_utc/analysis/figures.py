@@ -96,7 +96,7 @@ def _panels(run: Run) -> list[Panel]:
 
 def _draw_title(figure: "Figure", run: Run, values: dict[str, Any]) -> None:
     inches = figure.get_figheight()
-    title = textwrap.shorten(run.scenario.title or run.scenario.name, width=90, placeholder=" ...")
+    title = textwrap.shorten(run.scenario.title or run.scenario.name, width=80, placeholder=" ...")
     figure.text(0.02, 1.0 - 0.16 / inches, title, fontsize=13, fontweight="bold", va="top")
     fine = run.outcome is Outcome.COMPLETED
     line = textwrap.shorten(
