@@ -223,7 +223,7 @@ class _Call(partial[None]):
 def address(function: Any, *example: Any) -> int:
     """The address of the machine code of a jitted function for such arguments; it must return nothing.
 
-    An argument `InMemory` is handed over by its address, and the function asks for its `contents`.
+    An argument `InMemory` is handed over by its address; the function reads its fields, or its `contents`.
     """
     function = getattr(function, "as_program", function)
     given = (value.type if isinstance(value, InMemory) else numba.typeof(value) for value in example)

@@ -4,7 +4,7 @@
 ros2 run skydiver_utc reference_node & ros2 run skydiver_utc controller_node & python examples/own_node/plant.py 400
 kill %1 %2    # ends the other two, which wait for another run
 
-After 400 steps the reference is 5.986 rad/s. The controller predicts a skydiver, who turns a little otherwise.
+After 400 steps the reference is 5.987 rad/s. The controller predicts a skydiver, not this plant: an error is left.
 """
 
 import sys

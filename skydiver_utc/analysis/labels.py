@@ -28,6 +28,7 @@ _ROWS = (
     ("wall_time_s", "wall time", "s", ".2f"),
 )
 _MOST_HOLES = 3  # that are listed
+_LATE = 0.9  # of the simulated time
 _SINCE_WHEN = ("convergence_time_s", "facing_since_s")
 _OF_ROTATION = ("rmse_rotating_deg_s", "angle_error_deg", "overshoot_deg")
 
@@ -64,10 +65,10 @@ def rows(values: dict[str, Any]) -> list[Row]:
 
 def label_of(metric: str) -> str:
     """A metric's label and unit as at an axis; its name where it has none."""
-    known = {name: f"{label} [{unit}]" for name, label, unit, _ in _ROWS if unit}
-    for name, label, _ in _OF_OUTPUT[:2]:
-        known[f"{name}_deg_s"] = f"{label.replace('SINCE', f'{SETTLING_S:g} s')} [deg/s]"
-    return known.get(metric, metric)
+    known = {name: f"{label} [{unit or 1}]" for name, label, unit, _ in _ROWS}
+    known |= {f"{name}_deg_s": f"{label} [deg/s]" for name, label, _ in _OF_OUTPUT}
+    known["convergence_time_s"] = "inside 5 % for good from [s]"
+    return known.get(metric, metric).replace("SINCE", f"{SETTLING_S:g} s")
 
 
 def facts(values: dict[str, Any]) -> list[str]:
@@ -107,8 +108,8 @@ def _remark(values: dict[str, Any], name: str, value: Any) -> str:
     )
     if name in _SINCE_WHEN and value in after:
         return " (at the latest)"
-    late = name == "convergence_time_s" and value is not None and value > 0.5 * values["simulated_time_s"]
-    return " (late: it may be chance)" if late else ""
+    late = name == "convergence_time_s" and value is not None and value > _LATE * values["simulated_time_s"]
+    return " (near the end: it may be chance)" if late else ""
 
 
 def _change(change: dict[str, Any]) -> Row:

@@ -12,7 +12,7 @@ import click
 from skydiver_utc import __version__
 from skydiver_utc.cli.errors import exit_code_of
 
-# Imports and compilation make many objects that stay: looking through them for garbage takes 7 % of a warm start.
+# Imports make many objects that stay: garbage collection takes 7 % of a warm start at Python's own threshold.
 _GARBAGE_THRESHOLD = 100_000
 _COMMANDS = (
     "analyse", "calibrate", "compare", "export", "inputs", "pattern", "recover", "replay", "report", "run",

@@ -14,7 +14,8 @@ from skydiver_utc.cli.settings import load
 if TYPE_CHECKING:
     from skydiver_utc.parameters import Scenario
 
-_NAMED = re.compile(r"([A-Za-z]\w*)=(.+)", re.DOTALL)
+_NAME = re.compile(r"[A-Za-z]\w*")
+_NAMED = re.compile(rf"({_NAME.pattern})=(.+)", re.DOTALL)
 _DEFAULT_NAME = "skydiver"
 
 
@@ -39,8 +40,10 @@ def planned_runs(given: Sequence[str], settings: Sequence[str], folder: Path | N
     for number, text in enumerate(given, 1):
         match = _NAMED.fullmatch(text)
         name, equals, _ = text.partition("=")
-        if equals and not match and "/" not in name:
-            raise CommandError(f"{name!r} names no run: take a letter, then letters, digits and underscores")
+        if equals and not match and not Path(text).exists() and not _NAME.fullmatch(name):
+            raise CommandError(
+                f"{name!r} is not a valid name of a run: take a letter, then letters, digits and underscores"
+            )
         names.append(match[1] if match else _DEFAULT_NAME + (f"_{number}" if number > 1 else ""))
         sources.append(match[2] if match else text)
     if twice := [name for name, count in Counter(names).items() if count > 1]:

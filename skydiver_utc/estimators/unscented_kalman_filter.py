@@ -208,7 +208,7 @@ def _program(
     """A program of `filter_steps` with a function (*given, parameters, *written), compiled if the function is."""
     if not is_jitted(function):
         in_python, its_numbers = (
-            interpreted(text, call=_called, contents=lambda n: n),
+            interpreted(text, call=_called),
             numbers(function, parameters),
         )
         return lambda *arguments: in_python(*arguments[:-1], its_numbers, arguments[-1])

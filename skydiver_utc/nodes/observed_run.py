@@ -54,7 +54,7 @@ class ObservedRun:
             self._node = Node("view", namespace=self.namespace, context=context)
         except InvalidNamespaceException as error:
             raise ParameterError(
-                f"{namespace!r} is no namespace: take the name of a run, such as skydiver"
+                f"{namespace!r} is not a valid namespace: take the name of a run, such as skydiver"
             ) from error
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self._node)

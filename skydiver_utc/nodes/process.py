@@ -85,7 +85,7 @@ def _run(kind: str, arguments: list[str]) -> int:
         raise ParameterError(str(error).partition(", at /")[0]) from error
     executor = EventsExecutor()
     node = None
-    # What is made until the run begins is permanent: to look through it in the run takes longer than a step.
+    # Objects made up to here are permanent: a garbage collection that visits them takes longer than a step.
     gc.disable()
     try:
         module = importlib.import_module(f"skydiver_utc.nodes.{kind}_node")

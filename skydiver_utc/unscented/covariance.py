@@ -46,7 +46,7 @@ def symmetric_root(covariance: Array, floor: float, root: Array) -> float:
     values = np.empty(m)
     for k in range(m):
         values[k] = max(root[k, k], floor)
-        if root[k, k] < floor:
+        if not root[k, k] >= floor:  # NaN, too
             lifted += floor - root[k, k]
     for i in range(m):
         for j in range(m):

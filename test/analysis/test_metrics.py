@@ -200,11 +200,15 @@ class TestRecordingOfTheRest:
         assert any("RMSE from 2 s on" in row.label for row in rows(whole))
         assert ["latest" in row.label for row in rows(settled)].count(True) == 2
         assert not [row for row in rows(whole) if "latest" in row.label]
-        assert ["late:" in row.label for row in rows(whole)].count(True) == 1
-        rate[30:] = 103.0
-        assert not [row for row in rows(metrics(run_of(rate))) if "late:" in row.label]
         assert "0 to 59" in missing(late)
         assert missing(whole) == ""
+
+    def test_a_convergence_in_the_last_tenth_is_marked(self) -> None:
+        for first, marked in ((70, 0), (75, 1)):  # at 3.5 and 3.75 of 4 s
+            rate = np.full(81, 110.0)
+            rate[first:] = 103.0
+            found = [row for row in rows(metrics(run_of(rate))) if "chance" in row.label]
+            assert len(found) == marked
 
     def test_an_angle_turned_is_not_known_without_the_beginning(self) -> None:
         rotating = skydiver(reference=rotation())
@@ -218,6 +222,8 @@ class TestRecordingOfTheRest:
 def test_a_metric_has_the_label_of_its_row_and_its_unit() -> None:
     assert label_of("rmse_deg_s") == "RMSE from 2 s on [deg/s]"
     assert label_of("overshoot_deg") == "overshoot [deg]"
+    assert label_of("control_effort") == "control effort [1]"
+    assert label_of("convergence_time_s").endswith("[s]")
     assert label_of("own_metric") == "own_metric"
 
 

@@ -466,6 +466,22 @@ def test_a_new_start_names_what_has_another_shape_or_is_no_number(given):
     drive = controller(straight, lambda x: x[0], state=[0.0, 0.0], control=[0.0, 0.0])
     with pytest.raises(ValueError, match=next(iter(given))):
         drive.reset(**given)
+    assert np.array_equal(drive.control, [0.0, 0.0])
+
+
+def test_a_reference_that_is_not_finite_leaves_no_trace():
+    """The first step takes the control after the reference once a reference has moved."""
+    seen, fresh = (
+        controller(
+            straight, lambda x: x[0], state=[0.0, 0.0], control=[0.0, 0.0], after_reference={"u0": 1.0}
+        )
+        for _ in range(2)
+    )
+    assert seen.step([0.0, 0.0], np.nan).status is Status.KEPT_PREVIOUS
+    for reference in (0.0, 0.0, 0.5, 0.5):
+        first, second = (drive.step([0.0, 0.0], reference) for drive in (seen, fresh))
+        assert np.array_equal(first.control, second.control)
+        assert np.array_equal(first.covariance, second.covariance)
 
 
 def test_the_quick_start_runs_as_printed(capsys):

@@ -69,7 +69,7 @@ def of_user(
 def user_dynamics(given: Callable[..., Any], plant: Plant, preview: Array) -> Dynamics:
     """The user's control dynamics in the form of the roll-out; jitted if the plant is. Raises ValueError.
 
-    preview (N+1, l): one to try them with
+    preview (N+1, l): argument of a first call, which checks the result's shape
     """
     name = "dynamics"
     if not callable(given):

@@ -126,11 +126,8 @@ def draw(state: Array, preview: Array, law: Law, out: Array) -> None:
     for i in range(points.shape[0]):
         for c in range(m):
             value, low, high = points[i, c], limits[0, c], limits[1, c]
-            mirrored = 1.5 * control[c] - 0.5 * value
-            if control[c] == low:
-                value = max(value, mirrored)
-            if control[c] == high:
-                value = min(value, mirrored)
+            if (control[c] == low and value < low) or (control[c] == high and value > high):
+                value = 1.5 * control[c] - 0.5 * value
             points[i, c] = min(max(value, low), high)
 
 

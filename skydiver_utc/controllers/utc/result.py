@@ -72,7 +72,7 @@ class UtcResult:
 
     @property
     def limited(self) -> tuple[str, ...]:
-        """In words, which controls, but for frozen ones, ended on a bound or at their largest change."""
+        """In words, which controls ended on a bound, but for frozen ones, or at their largest change."""
         found = []
         for j, (value, before, low, high, change) in enumerate(
             zip(self.control, self.before, *self.limits, strict=True)

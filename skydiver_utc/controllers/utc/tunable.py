@@ -50,7 +50,7 @@ class Tunable:
     _out: Array
     # Begins anew with other settings, plant, outputs and dynamics.
     _make: Callable[..., None]
-    # State and preview as arrays, from those of `step`.
+    # Checks state and reference of `step`; returns state and preview as arrays.
     _checked: Callable[..., tuple[Array, Array]]
 
     @property

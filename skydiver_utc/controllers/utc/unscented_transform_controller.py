@@ -153,12 +153,18 @@ class UnscentedTransformController(Tunable):
         return cls(checked(UtcSettings, given), own, dynamics=dynamics)
 
     def reset(self, control: ArrayLike | None = None, Pu: ArrayLike | None = None) -> None:
-        """Start again from the plant's initial control (m,) and the initial covariance (m, m), or from others."""
+        """Start again from the plant's initial control (m,) and the initial covariance (m, m), or from others.
+
+        One number is for all controls. Raises ValueError for other shapes and what is no number.
+        """
         m = len(self._names)
-        self.resume(self._initial if control is None else _of_shape("control", control, (m,)))
+        start = self._initial if control is None else numbers("control", control)
+        start = _of_shape("control", np.full(m, start) if start.ndim == 0 else start, (m,))
+        covariance = None if Pu is None else _of_shape("Pu", Pu, (m, m))
+        self.resume(start)
         self._moved = False
-        if Pu is not None:
-            self._begin_from(_of_shape("Pu", Pu, (m, m)))
+        if covariance is not None:
+            self._begin_from(covariance)
             self._started = True
 
     def resume(self, control: Array) -> None:
@@ -194,9 +200,9 @@ class UnscentedTransformController(Tunable):
         noise = None if Qu is None else numbers("Qu", Qu)
         if noise is not None and noise.shape != before.shape * 2:
             raise ValueError(f"Qu has shape {noise.shape} instead of {before.shape * 2}.")
-        if np.isfinite(x).all():
+        if self._are_finite(x, preview):
             status, recovery, lost = self._moved_on(x, preview, noise)
-        else:  # which a user's functions need not stand
+        else:
             self._law.innovation[:] = 0.0
             status, recovery, lost = self._without_update(Status.KEPT_PREVIOUS)
             if self._offset is not None:
@@ -316,7 +322,7 @@ class UnscentedTransformController(Tunable):
         status, recovery, lost = self._law.events.tolist()
         if status == _KEPT_PREVIOUS:
             self._law.innovation[:] = 0.0
-            if not (np.isfinite(state).all() and np.isfinite(preview[: self._steps[-1] + 1]).all()):
+            if not self._are_finite(state, preview):
                 return self._without_update(Status.KEPT_PREVIOUS)
             # It could fail again and again.
             self._begin_from(self._first_Pu(preview))
@@ -351,6 +357,9 @@ class UnscentedTransformController(Tunable):
     def _checked(self, state: ArrayLike, reference: ArrayLike) -> tuple[Array, Array]:
         """State (n,) and preview (preview_steps + 1, l); raises ValueError for other shapes and what is no number."""
         return _of_shape("state", state, (self._n,)), self._preview(numbers("reference", reference))
+
+    def _are_finite(self, state: Array, preview: Array) -> bool:
+        return bool(np.isfinite(state).all() and np.isfinite(preview[: self._steps[-1] + 1]).all())
 
     def _preview(self, reference: Array) -> Array:
         """The reference (preview_steps + 1, l) at the steps 0, 1, ..."""

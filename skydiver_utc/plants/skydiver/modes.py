@@ -76,10 +76,11 @@ def _name(value: complex, shares: Array, fall: SteadyFall) -> str:
     """The motion with the largest share, and whether it dies out or grows."""
     side_tilt, pitch_tilt, roll, pitch, yaw, falling, gliding, sliding = shares
     side = tilt_axes(fall.up)[0]
+    along = side[0] ** 2 / (side[0] ** 2 + side[2] ** 2)
     totals = (
-        roll + side[0] ** 2 * side_tilt,
+        roll + along * side_tilt,
         pitch + pitch_tilt,
-        yaw + side[2] ** 2 * side_tilt,
+        yaw + (1.0 - along) * side_tilt,
         falling,
         gliding,
         sliding,

@@ -28,8 +28,8 @@ class PatternKind:
     against each other (-1) is mirrored by its negative and only bends the trunk sideways and twists it.
 
     judged holds pattern angles [rad], each with the weight of the wanted acceleration there; acceleration_costs
-    are paid for the squares of some, swing_costs for the squared angular momentum about axes x, y, z of limbs that move
-    at 1 rad/s of the pattern: one that swings turns the body the wrong way whenever it starts.
+    weigh squared accelerations by axis, swing_costs the squared angular momentum about an axis of limbs that move at
+    1 rad/s of the pattern: one that swings turns the body the wrong way whenever it starts.
     """
 
     name: str
