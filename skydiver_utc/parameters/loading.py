@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from skydiver_utc.errors import ParameterError, hint
 from skydiver_utc.parameters.conversion import Unresolved, checked, convert
-from skydiver_utc.parameters.registry import KINDS, refuse_other_code, search_modules_in, settings_class
+from skydiver_utc.parameters.registry import KINDS, refuse_other_code, search_modules_in
 from skydiver_utc.parameters.scenario import Scenario, merged
 from skydiver_utc.parameters.yaml_io import (
     parse_yaml,
@@ -236,8 +236,7 @@ def _names_in(folder: Path) -> list[str]:
 def _overridden(content: dict[str, Any], overrides: Mapping[str, object], origin: str) -> Scenario:
     """The scenario of resolved content, which is changed, with other values under these dotted names."""
     resolved, errors = content, []
-    # Kinds first: a block of another kind keeps only the settings that this kind has.
-    for name, value in sorted(overrides.items(), key=lambda item: not f".{item[0]}".endswith(".kind")):
+    for name, value in sorted(overrides.items(), key=_turn):
         try:
             _override(resolved, name, value)
         except ParameterError as error:
@@ -248,6 +247,12 @@ def _overridden(content: dict[str, Any], overrides: Mapping[str, object], origin
         if name.removesuffix(".kind") in _SLOTS_WITH_DEFAULTS:
             resolved = _over_defaults(resolved)
     return convert(resolved, origin, errors)
+
+
+def _turn(override: tuple[str, object]) -> int:
+    """Whole blocks, then kinds, then settings of these."""
+    name = override[0]
+    return 1 if name.endswith(".kind") else 2 * ("." in name)
 
 
 def _over_defaults(content: dict[str, Any]) -> dict[str, Any]:
@@ -276,16 +281,9 @@ def _override(content: dict[str, Any], name: str, value: object) -> None:
         if not isinstance(place, dict | list):
             raise ParameterError(f"there is no parameter {name}: {part} has no fields")
         part, rest = _entry(place, rest, name)
-    slot = name.partition(".")[0].removesuffix("s")
-    if (
-        part == "kind"
-        and isinstance(place, dict)
-        and value != place.get("kind")
-        and value in KINDS.get(slot, ())
-    ):
-        known = settings_class(slot, str(value)).model_fields
-        for other in set(place) - set(known):
-            del place[other]
+    kinds = KINDS.get(name.partition(".")[0].removesuffix("s"), ())
+    if part == "kind" and isinstance(place, dict) and value in kinds and value != place.get("kind"):
+        place.clear()  # as a block of another kind in a file replaces the block that it extends
     place[part] = value
 
 

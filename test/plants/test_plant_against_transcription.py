@@ -72,7 +72,7 @@ def test_step_equals_transcription_with_tabulated_posture(seed):
 
 
 def test_a_posture_that_stays_is_read_from_the_table_once():
-    """Of steps at one pattern angle the second needs no table, and a model with another table a new scratch."""
+    """Of steps at one pattern angle the second needs no table."""
     kept = MODEL._replace(geometry=MODEL.geometry.copy(), work=np.full_like(MODEL.work, np.nan))
     rng = np.random.default_rng(7)
     state, control, found, expected = random_state(rng), random_control(rng, SCENARIO), *np.empty((2, 13))
