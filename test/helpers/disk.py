@@ -28,9 +28,9 @@ class Disk:
         while self.blocked:
             self._poll.wait(0.01)
         if self.room is not None:
-            if size > self.room:
+            if self.room <= 0:
                 raise OSError(28, "No space left on device")
-            self.room -= size
+            self.room -= size  # the write that fills it is whole: how large a chunk is depends on the machine
 
 
 class _File:

@@ -43,7 +43,7 @@ def test_a_disk_that_runs_full_does_not_stop_the_run(
 ) -> None:
     Disk(monkeypatch, room=60_000)
     folder = tmp_path / "run"
-    given = {"scenario": cart_file(tmp_path), "duration_s": 5.0}
+    given = {"scenario": cart_file(tmp_path), "duration_s": 20.0}
     recorder = ros.node("recorder", given | {"out": str(folder)})
     *_, plant = ros.start(given | {"wait_for_recorder": True}, "reference", "controller", "plant")
     ros.spin_until(lambda: plant.finished and recorder.finished)
