@@ -15,6 +15,8 @@ CHECKSUM := $(shell find $(INSTALLED_FROM) -type f -not -path '*/__pycache__/*' 
 STAMP := $(VENV)/installed-$(CHECKSUM)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+# Packages come without bytecode, and containers often forbid Python to keep it: each process would start a second later.
+export PYTHONDONTWRITEBYTECODE :=
 # Tests run in as many processes as there are cores: threads of their own would only wait for each other.
 test test-fast: export OPENBLAS_NUM_THREADS := 1
 
