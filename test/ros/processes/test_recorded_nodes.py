@@ -130,7 +130,8 @@ def test_a_run_continues_when_its_recorder_is_killed_and_another_one_records_the
         if topic.needed and topic.fewer_than_states is not None:
             steps = bag.steps(topic)
             assert steps == list(range(steps[0], steps[-1] + 1)), topic.name
-            assert 0 < steps[0] <= ready_at, topic.name
+            # State ready_at may have been sent before the recorder was ready, the next one was not.
+            assert 0 < steps[0] <= ready_at + 1, topic.name
             # The controller may have answered the last state, too, before the end reached it.
             assert steps[-1] - (last - topic.fewer_than_states) in (0, 1), topic.name
     assert len(bag.of(topics.SCENARIO)) == 1
