@@ -66,8 +66,9 @@ def rows(values: dict[str, Any]) -> list[Row]:
 def label_of(metric: str) -> str:
     """A metric's label and unit as at an axis; its name where it has none."""
     known = {name: f"{label} [{unit or 1}]" for name, label, unit, _ in _ROWS}
-    known |= {f"{name}_deg_s": f"{label} [deg/s]" for name, label, _ in _OF_OUTPUT}
-    known["convergence_time_s"] = "inside 5 % for good from [s]"
+    of_output = {name: label for name, label, _ in _OF_OUTPUT}
+    known |= {f"{name}_deg_s": f"{label} [deg/s]" for name, label in of_output.items()}
+    known["convergence_time_s"] = f"{of_output['convergence_time_s']} [s]"
     return known.get(metric, metric).replace("SINCE", f"{SETTLING_S:g} s")
 
 

@@ -160,7 +160,7 @@ class UnscentedTransformController(Tunable):
         m = len(self._names)
         start = self._initial if control is None else numbers("control", control)
         start = _of_shape("control", np.full(m, start) if start.ndim == 0 else start, (m,))
-        covariance = None if Pu is None else _of_shape("Pu", Pu, (m, m))
+        covariance = None if Pu is None else _of_shape("Pu", np.atleast_2d(numbers("Pu", Pu)), (m, m))
         self.resume(start)
         self._moved = False
         if covariance is not None:
@@ -197,9 +197,7 @@ class UnscentedTransformController(Tunable):
         A state or reference that is not finite keeps the control; a wrong shape is a ValueError.
         """
         (x, preview), before = self._checked(state, reference), self.control
-        noise = None if Qu is None else numbers("Qu", Qu)
-        if noise is not None and noise.shape != before.shape * 2:
-            raise ValueError(f"Qu has shape {noise.shape} instead of {before.shape * 2}.")
+        noise = None if Qu is None else _of_shape("Qu", numbers("Qu", Qu), before.shape * 2)
         if self._are_finite(x, preview):
             status, recovery, lost = self._moved_on(x, preview, noise)
         else:
@@ -356,7 +354,8 @@ class UnscentedTransformController(Tunable):
 
     def _checked(self, state: ArrayLike, reference: ArrayLike) -> tuple[Array, Array]:
         """State (n,) and preview (preview_steps + 1, l); raises ValueError for other shapes and what is no number."""
-        return _of_shape("state", state, (self._n,)), self._preview(numbers("reference", reference))
+        x = _of_shape("state", np.atleast_1d(numbers("state", state)), (self._n,))
+        return x, self._preview(numbers("reference", reference))
 
     def _are_finite(self, state: Array, preview: Array) -> bool:
         return bool(np.isfinite(state).all() and np.isfinite(preview[: self._steps[-1] + 1]).all())
@@ -376,10 +375,7 @@ class UnscentedTransformController(Tunable):
         return np.ascontiguousarray(reference)
 
 
-def _of_shape(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:
-    values = numbers(name, given)
-    if values.ndim == 0:
-        values = values.reshape((1,) * len(shape))
+def _of_shape(name: str, values: Array, shape: tuple[int, ...]) -> Array:
     if values.shape != shape:
         raise ValueError(f"{name} has shape {values.shape} instead of {shape}.")
     return values
