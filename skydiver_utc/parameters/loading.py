@@ -282,7 +282,7 @@ def _override(content: dict[str, Any], name: str, value: object) -> None:
             raise ParameterError(f"there is no parameter {name}: {part} has no fields")
         part, rest = _entry(place, rest, name)
     kinds = KINDS.get(name.partition(".")[0].removesuffix("s"), ())
-    if part == "kind" and isinstance(place, dict) and value in kinds and value != place.get("kind"):
+    if part == "kind" and isinstance(value, str) and value in kinds and value != place.get("kind"):
         place.clear()  # as a block of another kind in a file replaces the block that it extends
     place[part] = value
 

@@ -157,6 +157,7 @@ def path_of(*alphas):
         ({"controller.coupling": "sometimes"}, ["controller.coupling", "sometimes"]),
         ({"controller.kind": "uct"}, ["controller.kind", "did you mean utc"]),
         ({"controller": {"W0": 0.5}, "controller.kind": None}, ["controller.kind is missing"]),
+        ({"controller.kind": [1]}, ["controller.kind"]),
         ({"plant.kind": "balloon"}, ["plant.kind", "skydiver, linear", "module:Class"]),
         ({"disturbances": [{"kind": "wind"}]}, ["disturbances[0].kind", "wind"]),
         ({"disturbances": 3}, ["disturbances", "a list"]),
