@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.body.segments import JOINTS, SEGMENTS, Body
-from skydiver_utc.jit import kernel
+from skydiver_utc.body.segments import JOINTS, SEGMENTS, Body, carriers
 from skydiver_utc.parameters import JointLimits, MovementPattern, ParameterError, Posture
 
 ANGLES = ("flexion", "abduction", "rotation")
@@ -37,6 +36,8 @@ def _rotation_signs() -> Array:
 
 
 _SIGNS = _rotation_signs()
+# Row by row 1 for a segment and all that carry it, else 0: a product with it sums along the way from the root.
+_ON_THE_WAY = np.array([[float(other in carriers(segment)) for other in SEGMENTS] for segment in SEGMENTS])
 
 
 def rotation_axes() -> Array:
@@ -117,110 +118,70 @@ def _joint_rows(rows: dict[str, tuple[float, float, float]], what: str) -> Array
 
 
 def configuration(body: Body, angles: Array) -> Configuration:
-    """Place the segments for joint angles (15, 3) in rad."""
-    n = len(SEGMENTS)
-    rotation, inertia, centre_of_mass = np.empty((n, 3, 3)), np.empty((3, 3)), np.empty(3)
-    proximal, centre = np.empty((n, 3)), np.empty((n, 3))
-    place(body, angles, rotation, proximal, centre, centre_of_mass)
-    inertia_of(body, rotation, centre, inertia)
+    """Place the segments for joint angles (..., 15, 3) in rad."""
+    turns = _turn_yzx(angles * _SIGNS)
+    rotation = np.zeros((*angles.shape[:-2], len(SEGMENTS), 3, 3))
+    rotation[..., 0, :, :] = np.eye(3)
+    for i, parent in enumerate(body.parent[1:], 1):
+        rotation[..., i, :, :] = rotation[..., parent, :, :] @ turns[..., i - 1, :, :]
+    # The root's own joint is mid hip.
+    proximal = _ON_THE_WAY @ _turned(rotation[..., body.parent, :, :], body.joint)
+    centre = proximal + _turned(rotation, body.centre)
+    centre_of_mass = body.mass @ centre / body.total_mass
+    centre -= centre_of_mass[..., np.newaxis, :]
+    proximal -= centre_of_mass[..., np.newaxis, :]
+    shares = np.swapaxes(centre, -1, -2) @ (body.mass[:, np.newaxis] * centre)
+    inertia = in_body_axes(rotation, body.inertia).sum(axis=-3) - shares
+    inertia += np.trace(shares, axis1=-2, axis2=-1)[..., np.newaxis, np.newaxis] * np.eye(3)
     return Configuration(centre, rotation, inertia, proximal, centre_of_mass)
 
 
-@kernel
-def place(
-    body: Body, angles: Array, rotation: Array, proximal: Array, centre: Array, centre_of_mass: Array
-) -> None:
-    """The arrays of `Configuration` but for the inertia, for joint angles (15, 3) in rad."""
-    n, total, own = len(body.mass), 0.0, np.empty((3, 3))
-    for j in range(3):
-        centre_of_mass[j] = 0.0
-    for i in range(n):
-        parent = body.parent[i]
-        total += body.mass[i]
-        if parent >= 0:
-            _turn_yzx(angles[i - 1], _SIGNS[i - 1], own)
-        for j in range(3):
-            proximal[i, j] = 0.0 if parent < 0 else proximal[parent, j]
-            for k in range(3):
-                rotation[i, j, k] = 1.0 if parent < 0 and j == k else 0.0
-                if parent >= 0:
-                    proximal[i, j] += rotation[parent, j, k] * body.joint[i, k]
-                    for m in range(3):
-                        rotation[i, j, k] += rotation[parent, j, m] * own[m, k]
-            centre[i, j] = proximal[i, j]
-            for k in range(3):
-                centre[i, j] += rotation[i, j, k] * body.centre[i, k]
-            centre_of_mass[j] += body.mass[i] * centre[i, j]
-    for j in range(3):
-        centre_of_mass[j] /= total
-        for i in range(n):
-            centre[i, j] -= centre_of_mass[j]
-            proximal[i, j] -= centre_of_mass[j]
+def in_body_axes(rotation: Array, principal: Array) -> Array:
+    """Matrices (..., 16, 3, 3) in body axes of the segments' principal values (16, 3) in their own axes."""
+    turned: Array = (rotation * principal[:, np.newaxis, :]) @ np.swapaxes(rotation, -1, -2)
+    return turned
 
 
-@kernel
-def inertia_of(body: Body, rotation: Array, centre: Array, out: Array) -> None:
-    """Inertia (3, 3) [kg m2] about the centre of mass of segments that are placed."""
-    for j in range(3):
-        for k in range(3):
-            out[j, k] = 0.0
-            for i in range(len(body.mass)):
-                out[j, k] -= body.mass[i] * centre[i, j] * centre[i, k]
-                for m in range(3):
-                    out[j, k] += rotation[i, j, m] * body.inertia[i, m] * rotation[i, k, m]
-                    if j == k:
-                        out[j, k] += body.mass[i] * centre[i, m] * centre[i, m]
+def limb_momentum(body: Body, angles: Array, rates: Array, placed: Configuration) -> Array:
+    """Angular momentum (..., 3) [kg m2/s] about the centre of mass, in pelvis axes, of limbs in motion.
 
-
-@kernel
-def limb_momentum(
-    body: Body, angles: Array, rates: Array, rotation: Array, proximal: Array, centre: Array, out: Array
-) -> None:
-    """Angular momentum (3,) [kg m2/s] about the centre of mass, in pelvis axes, of limbs in motion.
-
-    The joint angles (15, 3) [rad], in which the segments are placed, change at the rates (15, 3) [rad/s].
+    The joint angles (..., 15, 3) [rad], in which the segments are placed, change at the rates (..., 15, 3) [rad/s].
     """
-    n = len(body.mass)
-    turning, velocity, own, moving = np.zeros((n, 3)), np.zeros((n, 3)), np.empty(3), np.empty(3)
-    for j in range(3):
-        out[j] = 0.0
-    for i in range(1, n):
-        parent = body.parent[i]
-        y, z = angles[i - 1, 0] * _SIGNS[i - 1, 0], angles[i - 1, 1] * _SIGNS[i - 1, 1]
-        rate_z, rate_x = rates[i - 1, 1] * _SIGNS[i - 1, 1], rates[i - 1, 2] * _SIGNS[i - 1, 2]
-        own[0] = rate_z * np.sin(y) + rate_x * np.cos(y) * np.cos(z)
-        own[1] = rates[i - 1, 0] * _SIGNS[i - 1, 0] + rate_x * np.sin(z)
-        own[2] = rate_z * np.cos(y) - rate_x * np.sin(y) * np.cos(z)
-        for j in range(3):
-            turning[i, j] = turning[parent, j]
-            for k in range(3):
-                turning[i, j] += rotation[parent, j, k] * own[k]
-        for j in range(3):
-            # Of the proximal joint, against mid hip, and of the centre of mass.
-            k, m = (j + 1) % 3, (j + 2) % 3
-            velocity[i, j] = velocity[parent, j] + (
-                turning[parent, k] * (proximal[i, m] - proximal[parent, m])
-                - turning[parent, m] * (proximal[i, k] - proximal[parent, k])
-            )
-            moving[j] = velocity[i, j] + (
-                turning[i, k] * (centre[i, m] - proximal[i, m])
-                - turning[i, m] * (centre[i, k] - proximal[i, k])
-            )
-        for j in range(3):
-            k, m = (j + 1) % 3, (j + 2) % 3
-            out[j] += body.mass[i] * (centre[i, k] * moving[m] - centre[i, m] * moving[k])
-            for axis in range(3):
-                for other in range(3):
-                    spin = rotation[i, other, axis] * turning[i, other]
-                    out[j] += rotation[i, j, axis] * body.inertia[i, axis] * spin
+    y, z, _ = np.moveaxis(angles * _SIGNS, -1, 0)
+    rate_y, rate_z, rate_x = np.moveaxis(rates * _SIGNS, -1, 0)
+    own = np.stack(
+        (
+            rate_z * np.sin(y) + rate_x * np.cos(y) * np.cos(z),
+            rate_y + rate_x * np.sin(z),
+            rate_z * np.cos(y) - rate_x * np.sin(y) * np.cos(z),
+        ),
+        axis=-1,
+    )
+    parents = body.parent[1:]
+    turning, velocity = np.zeros_like(placed.proximal), np.zeros_like(placed.proximal)
+    turning[..., 1:, :] = _turned(placed.rotation[..., parents, :, :], own)
+    turning = _ON_THE_WAY @ turning
+    arms = placed.proximal[..., 1:, :] - placed.proximal[..., parents, :]
+    velocity[..., 1:, :] = np.cross(turning[..., parents, :], arms)
+    velocity = _ON_THE_WAY @ velocity + np.cross(turning, placed.centre - placed.proximal)
+    in_own_axes = _turned(np.swapaxes(placed.rotation, -1, -2), turning)
+    spin = _turned(placed.rotation, body.inertia * in_own_axes)
+    momentum: Array = body.mass[:, np.newaxis] * np.cross(placed.centre, velocity) + spin
+    return momentum.sum(axis=-2)
 
 
-@kernel
-def _turn_yzx(angles: Array, signs: Array, out: Array) -> None:
-    """Rotation (3, 3) about y, then the turned z, then the turned x, for angles (3,) in rad with these signs."""
-    y, z, x = angles[0] * signs[0], angles[1] * signs[1], angles[2] * signs[2]
-    cy, cz, cx = np.cos(y), np.cos(z), np.cos(x)
-    sy, sz, sx = np.sin(y), np.sin(z), np.sin(x)
-    out[0, 0], out[0, 1], out[0, 2] = cy * cz, sy * sx - cy * sz * cx, cy * sz * sx + sy * cx
-    out[1, 0], out[1, 1], out[1, 2] = sz, cz * cx, -cz * sx
-    out[2, 0], out[2, 1], out[2, 2] = -sy * cz, sy * sz * cx + cy * sx, cy * cx - sy * sz * sx
+def _turned(matrices: Array, vectors: Array) -> Array:
+    """Matrices (..., 3, 3) times vectors (..., 3)."""
+    found: Array = (matrices @ vectors[..., np.newaxis])[..., 0]
+    return found
+
+
+def _turn_yzx(angles: Array) -> Array:
+    """Rotations (..., 3, 3) about y, then the turned z, then the turned x, for angles (..., 3) in rad about y, z, x."""
+    (cy, cz, cx), (sy, sz, sx) = np.moveaxis(np.cos(angles), -1, 0), np.moveaxis(np.sin(angles), -1, 0)
+    rows = (
+        (cy * cz, sy * sx - cy * sz * cx, cy * sz * sx + sy * cx),
+        (sz, cz * cx, -cz * sx),
+        (-sy * cz, sy * sz * cx + cy * sx, cy * cx - sy * sz * sx),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

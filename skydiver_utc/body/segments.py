@@ -48,6 +48,13 @@ JOINTS: tuple[str, ...] = tuple(s.joint for s in SEGMENTS[1:])
 KINDS: tuple[str, ...] = tuple(dict.fromkeys(s.kind for s in SEGMENTS))
 _INDEX = {segment.name: i for i, segment in enumerate(SEGMENTS)}
 
+
+def carriers(segment: Segment) -> list[Segment]:
+    """A segment and all between it and the root."""
+    parent = _INDEX.get(segment.parent)
+    return [segment] if parent is None else [segment, *carriers(SEGMENTS[parent])]
+
+
 # Direction from the proximal to the distal end in the segment's own axes; trunk and head count from the hip.
 _UP, _DOWN, _VENTRAL = np.array([1.0, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
 _DISTAL = (

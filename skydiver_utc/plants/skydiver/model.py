@@ -7,9 +7,8 @@ import numpy as np
 
 from skydiver_utc.arrays import Array
 from skydiver_utc.body.movement import Movement, movement
-from skydiver_utc.body.posture import inertia_of, limb_momentum, place
+from skydiver_utc.body.posture import configuration, in_body_axes, limb_momentum
 from skydiver_utc.body.segments import Body, build_body
-from skydiver_utc.jit import kernel
 from skydiver_utc.parameters import SkydiverSettings
 
 GRAVITY_M_S2 = 9.80665
@@ -22,7 +21,8 @@ SWING_AT = INERTIA_AT + 6
 GEOMETRY_SIZE = SWING_AT + 3
 # Rows of a step's scratch; drift: velocities of segments by limb motion; kept: the geometry's pattern angle, or NaN.
 _WORK_ROWS = ("geometry", "inverse", "drift", "load", "slope", "probe", "following", "kept")
-_SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+# Rows and columns of xx, yy, zz, xy, xz, yz.
+_SYMMETRIC = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 
 
 class PlantModel(NamedTuple):
@@ -63,9 +63,8 @@ def build_model(settings: SkydiverSettings, dt_s: float, moves: Movement | None 
     body, ratios = dressed_body(settings), settings.ratios
     alphas = np.linspace(*settings.limits.alpha, settings.pattern_nodes)
     moves = moves or movement(settings.posture, settings.pattern, ratios.pattern)
-    rows = [posture_row(body, moves, alpha) for alpha in alphas]
     return PlantModel(
-        geometry=np.array(rows),
+        geometry=posture_row(body, moves, alphas),
         alpha_first=float(alphas[0]),
         nodes_per_rad=(settings.pattern_nodes - 1) / float(alphas[-1] - alphas[0]),
         mass=ratios.mass / ratios.inertia * body.total_mass,
@@ -98,40 +97,29 @@ def dressed_body(settings: SkydiverSettings) -> Body:
     )
 
 
-def posture_row(body: Body, moves: Movement, alpha: float) -> Array:
-    """The row (153,) of the geometry table at a pattern angle [rad]."""
-    row = np.empty(GEOMETRY_SIZE)
-    pack_geometry(body, moves.angles(alpha), moves.slope(alpha), row)
-    return row
+def posture_row(body: Body, moves: Movement, alpha: float | Array) -> Array:
+    """The row (..., 153) of the geometry table at a pattern angle (...) [rad]."""
+    return geometry_rows(body, moves.angles(alpha), moves.slope(alpha))
 
 
 def held_row(body: Body, angles: Array) -> Array:
     """The row (153,) of joint angles (15, 3) [rad] that do not move."""
-    row = np.empty(GEOMETRY_SIZE)
-    pack_geometry(body, angles, np.zeros_like(angles), row)
-    return row
+    return geometry_rows(body, angles, np.zeros_like(angles))
 
 
-@kernel
-def pack_geometry(body: Body, angles: Array, slope: Array, out: Array) -> None:
-    """One posture as a row (153,): positions, drag areas, inertia, and the limbs' momentum for a unit rate.
+def geometry_rows(body: Body, angles: Array, slope: Array) -> Array:
+    """Postures as rows (..., 153): positions, drag areas, inertia, and the limbs' momentum for a unit rate.
 
-    angles (15, 3) [rad] of the joints, slope (15, 3) their change per change of the pattern angle
+    angles (..., 15, 3) [rad] of the joints, slope (..., 15, 3) their change per change of the pattern angle
     """
-    n = SEGMENT_COUNT
-    rotation, inertia, unused = np.empty((n, 3, 3)), np.empty((3, 3)), np.empty(3)
-    proximal, centre = np.empty((n, 3)), np.empty((n, 3))
-    place(body, angles, rotation, proximal, centre, unused)
-    inertia_of(body, rotation, centre, inertia)
-    limb_momentum(body, angles, slope, rotation, proximal, centre, out[SWING_AT:])
-    for row in range(6):
-        j, k = _SYMMETRIC[row]
-        out[INERTIA_AT + row] = inertia[j, k]
-        for i in range(n):
-            area = 0.0
-            for m in range(3):
-                area += rotation[i, j, m] * body.drag_area[i, m] * rotation[i, k, m]
-            out[(3 + row) * n + i] = area
-    for axis in range(3):
-        for i in range(n):
-            out[axis * n + i] = centre[i, axis]
+    placed = configuration(body, angles)
+    areas = in_body_axes(placed.rotation, body.drag_area)[(..., *_SYMMETRIC)]
+    by_segment = np.concatenate((placed.centre, areas), axis=-1)
+    return np.concatenate(
+        (
+            np.swapaxes(by_segment, -1, -2).reshape(*angles.shape[:-2], INERTIA_AT),
+            placed.inertia[(..., *_SYMMETRIC)],
+            limb_momentum(body, angles, slope, placed),
+        ),
+        axis=-1,
+    )

@@ -1,19 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Movement patterns by optimisation: the most of one acceleration for the least of others and of swinging limbs."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from skydiver_utc.arrays import Array
 from skydiver_utc.body.posture import ANGLES, joint_ranges, joint_rows, pattern_direction
 from skydiver_utc.body.segments import JOINTS, Body, build_body
-from skydiver_utc.jit import address, call, kernel, program
 from skydiver_utc.parameters import MovementPattern, ParameterError, Scenario
-from skydiver_utc.plants.skydiver.dynamics import STATE_SIZE, invert_inertia, state_derivative
-from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, SWING_AT, PlantModel, build_model, pack_geometry
+from skydiver_utc.plants.skydiver.model import SWING_AT, PlantModel, build_model, geometry_rows
 from skydiver_utc.plants.skydiver.pattern_kinds import PAIRED, PatternKind
-from skydiver_utc.plants.skydiver.steady import straight_down
+from skydiver_utc.plants.skydiver.steady import HeldBody, straight_down
 from skydiver_utc.plants.skydiver.trim import DECIMALS, Trim
 
 _LARGEST_COMPONENT = 0.55
@@ -40,11 +36,12 @@ def design_pattern(
 
     body, model = build_body(scenario.plant.subject), build_model(scenario.plant, scenario.dt_s)
     basis, reach = _basis(kind), _reach(kind, scenario, trim)
-    squares, numbers = (basis**2).sum(axis=(1, 2)), _numbers(kind, body, model, trim)
+    squares, cost = (basis**2).sum(axis=(1, 2)), _Cost(kind, body, model, trim)
+    steps = _STEP * np.concatenate([basis, -basis, np.zeros_like(basis[:1])])
 
-    def cost(free: Array) -> tuple[float, Array]:
-        slope = np.empty(len(free))
-        return cost_and_slope(numbers, basis, free, slope), slope
+    def cost_and_slope(free: Array) -> tuple[float, Array]:
+        above, below, here = np.split(cost(np.tensordot(free, basis, 1) + steps), (len(free), 2 * len(free)))
+        return float(here[0]), (above - below) / (2.0 * _STEP)
 
     unit_norm = NonlinearConstraint(
         lambda free: squares @ free**2, 1.0, 1.0, jac=lambda free: 2.0 * squares * free
@@ -54,7 +51,7 @@ def design_pattern(
         guesses.append(np.tensordot(basis, pattern_direction(known), 2) / squares)
     found = [
         minimize(
-            cost,
+            cost_and_slope,
             np.clip(guess, -reach, reach),
             jac=True,
             bounds=list(zip(-reach, reach, strict=True)),
@@ -117,92 +114,29 @@ def _basis(kind: PatternKind) -> Array:
     return basis
 
 
-class _Numbers(NamedTuple):
-    """Numbers of the cost of a pattern: a kind of pattern and a body in its straight fall.
+class _Cost:
+    """The cost of directions of a kind of pattern, for a body in its straight fall."""
 
-    judged pattern angles [rad] with the weight of the wanted acceleration at each; falling (13,) the state, neutral
-    (15, 3) [rad] the posture; pack, derivative: addresses of `pack_geometry` and `state_derivative`
-    """
+    def __init__(self, kind: PatternKind, body: Body, model: PlantModel, trim: Trim) -> None:
+        self._kind, self._body, self._model, self._angles = kind, body, model, trim.angles
+        self._falling = straight_down(trim.speed, trim.pitch)
+        self._alphas, self._weights = np.array(kind.judged).T
 
-    wanted: int
-    judged: Array
-    weights: Array
-    acceleration_costs: Array
-    swing_costs: Array
-    body: Body
-    model: PlantModel
-    falling: Array
-    neutral: Array
-    pack: int
-    derivative: int
-
-
-def _numbers(kind: PatternKind, body: Body, model: PlantModel, trim: Trim) -> _Numbers:
-    judged, weights = np.array(kind.judged).T.copy()
-    acceleration_costs, swing_costs = (
-        np.zeros_like(trim.residual),
-        np.zeros_like(model.geometry[0, SWING_AT:]),
-    )
-    for costs, given in ((acceleration_costs, kind.acceleration_costs), (swing_costs, kind.swing_costs)):
-        costs[list(given)] = list(given.values())
-    falling, angles, row = straight_down(trim.speed, trim.pitch), trim.angles, np.empty(GEOMETRY_SIZE)
-    return _Numbers(
-        kind.wanted,
-        judged,
-        weights,
-        acceleration_costs,
-        swing_costs,
-        body,
-        model,
-        falling,
-        angles,
-        address(pack_geometry, body, angles, angles, row),
-        address(state_derivative, model, row, np.empty(6), np.empty(4), falling, falling),
-    )
-
-
-@program
-def cost_and_slope(numbers: _Numbers, basis: Array, free: Array, slope: Array) -> float:
-    """Cost of the pattern with the free components (n,), and into slope (n,) its derivatives by them."""
-    n = len(free)
-    direction, probe, values = (
-        np.zeros_like(numbers.neutral),
-        np.empty_like(numbers.neutral),
-        np.empty(2 * n + 1),
-    )
-    for i in range(n):
-        for j in range(len(direction)):
-            for k in range(3):
-                direction[j, k] += free[i] * basis[i, j, k]
-    for i in range(2 * n + 1):
-        side = 0.0 if i == 2 * n else (_STEP if i < n else -_STEP)
-        for j in range(len(direction)):
-            for k in range(3):
-                probe[j, k] = direction[j, k] + side * basis[i % n, j, k]
-        values[i] = _cost(numbers, probe)
-    for i in range(n):
-        slope[i] = (values[i] - values[n + i]) / (2.0 * _STEP)
-    return values[2 * n]  # type: ignore[no-any-return]
-
-
-@kernel
-def _cost(numbers: _Numbers, direction: Array) -> float:
-    geometry, inverse, derivative = np.empty(GEOMETRY_SIZE), np.empty(6), np.empty(STATE_SIZE)
-    angles, at_rest = np.empty_like(numbers.neutral), np.zeros(4)
-    total, judged = 0.0, len(numbers.judged)
-    for i in range(judged + 1):
+    def __call__(self, directions: Array) -> Array:
+        """Costs (n,) of directions (n, 15, 3)."""
         # Limbs swing in the neutral posture.
-        alpha = numbers.judged[i] if i < judged else 0.0
-        for j in range(len(angles)):
-            for k in range(3):
-                angles[j, k] = numbers.neutral[j, k] + alpha * direction[j, k]
-        call(numbers.pack, (numbers.body, angles, direction, geometry))
-        if i < judged:
-            invert_inertia(geometry, inverse)
-            call(numbers.derivative, (numbers.model, geometry, inverse, at_rest, numbers.falling, derivative))
-            total -= numbers.weights[i] * derivative[7 + numbers.wanted] / judged
-            for j in range(6):
-                total += numbers.acceleration_costs[j] * derivative[7 + j] ** 2 / judged
-    for j in range(3):
-        total += numbers.swing_costs[j] * geometry[SWING_AT + j] ** 2
-    return total
+        alphas = np.append(self._alphas, 0.0)
+        angles = self._angles + np.multiply.outer(alphas, directions)
+        rows = geometry_rows(self._body, angles, np.broadcast_to(directions, angles.shape))
+        total = np.zeros(len(directions))
+        for axis, cost in self._kind.swing_costs.items():
+            total += cost * rows[-1, :, SWING_AT + axis] ** 2
+        for weight, at_alpha in zip(self._weights / len(self._weights), rows[:-1], strict=True):
+            accelerations = np.array([self._held(row).accelerations_in(self._falling) for row in at_alpha])
+            total -= weight * accelerations[:, self._kind.wanted]
+            for axis, cost in self._kind.acceleration_costs.items():
+                total += cost / len(self._weights) * accelerations[:, axis] ** 2
+        return total
+
+    def _held(self, row: Array) -> HeldBody:
+        return HeldBody(self._model, np.zeros(4), row)

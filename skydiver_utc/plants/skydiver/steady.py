@@ -47,13 +47,14 @@ class HeldBody:
 
         up (3,) the world's up direction, velocity (3,) [m/s] and rates (3,) [rad/s], all in body axes
         """
-        return self._accelerations(_state(up, velocity, rates))
+        return self.accelerations_in(_state(up, velocity, rates))
 
     def straight_down(self, speed: float, pitch: float) -> Array:
         """Accelerations (6,) while falling straight down [m/s] with the head low by a pitch [rad]."""
-        return self._accelerations(straight_down(speed, pitch))
+        return self.accelerations_in(straight_down(speed, pitch))
 
-    def _accelerations(self, state: Array) -> Array:
+    def accelerations_in(self, state: Array) -> Array:
+        """Accelerations (6,) in a state (13,)."""
         derivative = np.empty(STATE_SIZE)
         state_derivative(self.model, self._geometry, self._inverse, self.control, state, derivative)
         return derivative[7:]
