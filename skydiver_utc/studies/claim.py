@@ -29,20 +29,15 @@ class Claim(NamedTuple):
     rule: str
     measured: str
     verdict: Verdict
-    why: str = ""
+    why: str
 
 
-def judge(parts: Sequence[bool]) -> Verdict:
-    """All parts hold, some, or none."""
-    if all(parts):
-        return Verdict.HOLDS
-    return Verdict.PARTLY if any(parts) else Verdict.FAILS
-
-
-def decided(words: str, rule: str, measured: str, parts: Sequence[bool], why: str = "") -> Claim:
-    """A claim with the reason only where it is needed."""
-    verdict = judge(parts)
-    return Claim(words, rule, measured, verdict, "" if verdict is Verdict.HOLDS else why)
+def decided(
+    words: str, rule: str, measured: str, parts: Sequence[bool], why: str = "", remark: str = ""
+) -> Claim:
+    """A claim that holds by all parts of its rule, by some, or by none; a reason where it does not, or a remark."""
+    verdict = Verdict.HOLDS if all(parts) else Verdict.PARTLY if any(parts) else Verdict.FAILS
+    return Claim(words, rule, measured, verdict, remark if verdict is Verdict.HOLDS else why or remark)
 
 
 def amplitude(one: Case) -> float:

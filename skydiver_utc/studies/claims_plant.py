@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Claims about the skydiver: what the pose controller, the posture and the hands can do."""
 
+from collections.abc import Iterator
+
 from skydiver_utc.studies import paper_cases as flown
-from skydiver_utc.studies.claim import CLEARLY, Claim, Verdict, amplitude, decided, judge, listed, rmse_of
+from skydiver_utc.studies.claim import CLEARLY, Claim, amplitude, decided, listed, rmse_of
 from skydiver_utc.studies.markdown import figure, percent
 from skydiver_utc.studies.paper_results import PaperResults
 
@@ -10,30 +12,12 @@ from skydiver_utc.studies.paper_results import PaperResults
 _FOLLOWED_SHARE = 0.1
 
 
-def linear_control(results: PaperResults) -> Claim:
-    """Robust linear control: enough for simple maneuvers only."""
-    slow = [results.of(one).rmse / amplitude(one) for one in (flown.LQR_SLOW, flown.POSE_SLOW)]
-    fast = [results.of(one).rmse / amplitude(one) for one in (flown.LQR_FAST, flown.POSE_FAST)]
-    both = results.of(flown.LQR_BOTH).rmse / amplitude(flown.LQR_SLOW)
-    return decided(
-        "A linear controller follows simple maneuvers and fails the complex one",
-        f"RMSE at most {percent(_FOLLOWED_SHARE)} of the amplitude in the slow turn, more in the fast one",
-        f"linear-quadratic regulator {_shares(slow[0], fast[0])}, pose controller {_shares(slow[1], fast[1])}",
-        [share <= _FOLLOWED_SHARE for share in slow] + [share > _FOLLOWED_SHARE for share in fast],
-        "What fails the fast turn is a constant damping of 0.5, not linearity: a regulator with low damping and free"
-        f" hands tracks it. Its costs do not serve both turns: those of the fast one give {100.0 * both:.0f} % in the"
-        " slow one.",
-    )
+def of_plant(results: PaperResults) -> Iterator[Claim]:
+    """In the paper's order."""
+    yield _linear_control(results)
 
-
-def _shares(slow: float, fast: float) -> str:
-    return f"{100.0 * slow:.1f} % and {100.0 * fast:.1f} %"
-
-
-def pose_fails(results: PaperResults) -> Claim:
-    """Figure ff6."""
     fast = results.of(flown.POSE_FAST)
-    return decided(
+    yield decided(
         "The pose controller with constant damping cannot track the fast turn (`ff6`)",
         "never inside 5 % for good",
         f"RMSE {figure(fast.rmse)}, peak {figure(fast.peak_yaw_rate_deg_s)} of"
@@ -41,53 +25,54 @@ def pose_fails(results: PaperResults) -> Claim:
         [fast.convergence_time_s is None],
     )
 
-
-def posture_alone(results: PaperResults) -> Claim:
-    """Why further controls are needed."""
-    found = results.of(flown.POSTURE_ALONE)
-    return decided(
+    posture = results.of(flown.POSTURE_ALONE)
+    yield decided(
         "Posture adjustments alone cannot do it, whoever commands them: their size is limited",
         "UTC with the damping held at 0.5 and hands without force is never inside 5 % for good",
-        f"RMSE {figure(found.rmse)}, peak {figure(found.peak_yaw_rate_deg_s)} deg/s",
-        [found.convergence_time_s is None],
+        f"RMSE {figure(posture.rmse)}, peak {figure(posture.peak_yaw_rate_deg_s)} deg/s",
+        [posture.convergence_time_s is None],
     )
 
-
-def hands_needed(results: PaperResults) -> Claim:
-    """Whether the hands help, and by what."""
     names = (flown.AS_PRINTED, flown.NO_HANDS, flown.FORCE_ALONE, flown.MOMENT_ALONE)
     own, without, force, moment = (rmse_of(results, flown.HANDS[name]) for name in names)
     by_speed = all(f <= CLEARLY * o and m >= CLEARLY * o for o, f, m in zip(own, force, moment, strict=True))
     speeds = [results.of(one).largest_speed_m_s for one in (flown.M0_C2, flown.HANDS[flown.NO_HANDS][0])]
-    why = (
-        f"{'The number, not the mechanism: it is the airspeed' if by_speed else 'Largest airspeed'}"
-        f" ({figure(speeds[0])} m/s, without hands {figure(speeds[1])})"
-        f"{' and not the bank' if by_speed else ''}. The force alone gives {listed(force)}, the roll moment alone"
-        f" {listed(moment)}."
-    )
-    parts = [worse >= flown.NECESSARY * better for better, worse in zip(own, without, strict=True)]
-    return Claim(
+    yield decided(
         "So the adjustment of input moments becomes necessary, beside that of the damping",
         f"each of the paper's three configurations is at least {flown.NECESSARY:g} times worse without hands",
         f"RMSE {listed(own)} with the hands, {listed(without)} without",
-        judge(parts),
-        why,
+        [worse >= flown.NECESSARY * better for better, worse in zip(own, without, strict=True)],
+        remark=f"{'The number, not the mechanism: it is the airspeed' if by_speed else 'Largest airspeed'}"
+        f" ({figure(speeds[0])} m/s, without hands {figure(speeds[1])})"
+        f"{' and not the bank' if by_speed else ''}. The force alone gives {listed(force)}, the roll moment alone"
+        f" {listed(moment)}.",
     )
 
-
-def hands_turn(results: PaperResults) -> Claim:
-    """Whether a hand does what eq_force2 is for."""
     push = results.push
-    moment = rmse_of(results, flown.HANDS[flown.MOMENT_ALONE])
-    verdict = judge([abs(push.bank_right_deg) > 1.0, push.yaw_rate_deg_s > 0.0])
-    why = "The yaw that follows has the other sign or is none."
-    if verdict is Verdict.HOLDS:
-        why = f"True of one hand in a straight fall; in the fast turn the bank comes too late ({listed(moment)})."
-    return Claim(
+    yield decided(
         "A hand's roll moment banks the body, which makes a yaw moment in the sense of the turn (eq_force2, eq_q1)",
         "the left hand, pressed fully for 1 s in a straight fall, banks the body and yaws it to the left",
         f"{figure(abs(push.bank_right_deg))} deg, {'left' if push.bank_right_deg < 0.0 else 'right'} side down;"
         f" {figure(push.yaw_rate_deg_s)} deg/s to the left",
-        verdict,
-        why,
+        [abs(push.bank_right_deg) > 1.0, push.yaw_rate_deg_s > 0.0],
+        "The yaw that follows has the other sign or is none.",
+        f"True of one hand in a straight fall; in the fast turn the bank comes too late ({listed(moment)}).",
+    )
+
+
+def _linear_control(results: PaperResults) -> Claim:
+    slow, fast = (
+        [results.of(one).rmse / amplitude(one) for one in cases]
+        for cases in ((flown.LQR_SLOW, flown.POSE_SLOW), (flown.LQR_FAST, flown.POSE_FAST))
+    )
+    both = results.of(flown.LQR_BOTH).rmse / amplitude(flown.LQR_SLOW)
+    lqr, pose = (f"{100.0 * s:.1f} % and {100.0 * f:.1f} %" for s, f in zip(slow, fast, strict=True))
+    return decided(
+        "A linear controller follows simple maneuvers and fails the complex one",
+        f"RMSE at most {percent(_FOLLOWED_SHARE)} of the amplitude in the slow turn, more in the fast one",
+        f"linear-quadratic regulator {lqr}, pose controller {pose}",
+        [share <= _FOLLOWED_SHARE for share in slow] + [share > _FOLLOWED_SHARE for share in fast],
+        "What fails the fast turn is a constant damping of 0.5, not linearity: a regulator with low damping and free"
+        f" hands tracks it. Its costs do not serve both turns: those of the fast one give {100.0 * both:.0f} % in the"
+        " slow one.",
     )

@@ -7,11 +7,10 @@ from functools import cache
 import numpy as np
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.loop.linear_loop import measured_decay, updated_control
+from skydiver_utc.loop.linear_loop import measured_decay
 from skydiver_utc.parameters.linear_plant import load_linear_plant
 from skydiver_utc.plants.linear import linear_model
 from skydiver_utc.studies.claim import Claim, decided
-from skydiver_utc.studies.paper_results import PaperResults
 from skydiver_utc.theory.stability import analyse
 
 _PLANT, _LONGER = "admire", 5
@@ -20,13 +19,9 @@ _DECAYS_AGREE = 1e-4  # the digits that are shown
 _DRAWS, _SEED, _ROUNDING = 100, 1, 1e-12
 
 
-def mean_square(_results: PaperResults) -> Claim:
-    """Claims on the update."""
-    return _mean_square(updated_control)
-
-
 @cache
-def _mean_square(update: Callable[..., Array]) -> Claim:
+def mean_square(update: Callable[..., Array]) -> Claim:
+    """The claim on a linear update, called as `updated_control`."""
     generator = np.random.default_rng(_SEED)
     largest = max(_update_mismatch(update, generator) for _ in range(_DRAWS))
     return decided(
@@ -41,7 +36,8 @@ def _mean_square(update: Callable[..., Array]) -> Claim:
 def _update_mismatch(update: Callable[..., Array], generator: np.random.Generator) -> float:
     """Largest difference of one step from the closed form, over the largest entry of that."""
     m, outputs = int(generator.integers(1, 7)), int(generator.integers(1, 4))
-    B, Pu, P_err = generator.normal(size=(outputs, m)), _random_covariance(generator, m), np.eye(outputs)
+    B, factor, P_err = generator.normal(size=(outputs, m)), generator.normal(size=(m, m)), np.eye(outputs)
+    Pu = factor @ factor.T + 0.1 * np.eye(m)
     before, wanted = generator.normal(size=m), generator.normal(size=outputs)
 
     found = update(B, Pu, P_err, generator.uniform(-0.9, 0.9), before, wanted)
@@ -49,19 +45,9 @@ def _update_mismatch(update: Callable[..., Array], generator: np.random.Generato
     return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
-def _random_covariance(generator: np.random.Generator, size: int) -> Array:
-    """A dense positive definite matrix."""
-    factor: Array = generator.normal(size=(size, size))
-    return factor @ factor.T + 0.1 * np.eye(size)
-
-
-def stability(_results: PaperResults) -> Claim:
-    """The conclusion's outlook."""
-    return _stability()
-
-
 @cache
-def _stability() -> Claim:
+def stability() -> Claim:
+    """The conclusion's outlook."""
     given = load_linear_plant(_PLANT)
     plant = linear_model(given, given.dt_s)
     Qu, P_err = given.process_noise, np.diag(given.P_err)
