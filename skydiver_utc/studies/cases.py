@@ -11,7 +11,6 @@ import numpy as np
 
 from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.analysis.numbers import finite, largest, settled
-from skydiver_utc.arrays import Array
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Parameters, Scenario, load_scenario
@@ -94,13 +93,16 @@ class Measures(Parameters):
 
 def measure(run: Run) -> Measures:
     """Keep the metrics of a skydiver's run."""
-    own = {"hands_correlation": _hands_correlation(run), "rescued_steps": 0}
-    own["largest_speed_m_s"] = finite(largest(np.linalg.norm(run.states[settled(run), 7:10], axis=1)))
-    if "recovery" in run.telemetry_names:
-        recovery = run.telemetry[:, run.telemetry_names.index("recovery")]
-        own["rescued_steps"] = int(np.count_nonzero(recovery == _ABOUT_CENTRE))
-    kept = {name: value for name, value in metrics(run).items() if name in Measures.model_fields} | own
-    return Measures.model_validate({name: _rounded(value) for name, value in kept.items()})
+    recovery = run.telemetry[:, [name == "recovery" for name in run.telemetry_names]]
+    found = metrics(run) | {
+        "hands_correlation": _hands_correlation(run),
+        "largest_speed_m_s": finite(largest(np.linalg.norm(run.states[settled(run), 7:10], axis=1))),
+        "rescued_steps": int(np.count_nonzero(recovery == _ABOUT_CENTRE)),
+    }
+    kept = {name: found[name] for name in Measures.model_fields}
+    return Measures.model_validate(
+        {name: float(f"{x:.{_DIGITS}g}") if isinstance(x, float) else x for name, x in kept.items()}
+    )
 
 
 def run_all(
@@ -124,12 +126,7 @@ def _hands_correlation(run: Run) -> float | None:
     hands = run.applied[:, 1:3]
     if len(hands) < 2 or np.any(np.std(hands, axis=0) == 0.0):
         return None
-    correlations: Array = np.asarray(np.corrcoef(hands.T))
-    return float(correlations[0, 1])
-
-
-def _rounded(value: object) -> object:
-    return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
+    return float(np.asarray(np.corrcoef(hands.T))[0, 1])
 
 
 def _plain(value: object) -> str:

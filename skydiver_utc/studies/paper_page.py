@@ -11,8 +11,6 @@ from skydiver_utc.studies.markdown import figure, table
 from skydiver_utc.studies.paper_results import QUICK_S, PaperResults
 from skydiver_utc.studies.sensitivity import sensitivity_section
 
-CONFIGURATION_HEAD = ("configuration", "code", "RMSE", "largest", "converged", "peak", "effort", "airspeed")
-QUICK_WARNING = f"The quick form: only the first {QUICK_S:g} s of each run. Its figures mean nothing."
 _CAPTIONS = {
     "ff6": "The pose controller with constant damping fails the fast turn",
     "utc_m0_c2": "UTC, dynamics of alpha unknown, hands coupled by the yaw rate",
@@ -39,7 +37,11 @@ def page(results: PaperResults) -> str:
     counts = Counter(claim.verdict for claim in claims)
     counted = ", ".join(f"{verdict.value} {counts[verdict]}" for verdict in Verdict if counts[verdict])
     rows = [(claim.words, f"**{claim.verdict.value}**", claim.measured, claim.why or "-") for claim in claims]
-    quick = f"\n**{QUICK_WARNING}**\n" if results.quick else ""
+    warning = f"The quick form: only the first {QUICK_S:g} s of each run. Its figures mean nothing."
+    quick = f"\n**{warning}**\n" if results.quick else ""
+    pictures = "\n".join(
+        f"`{label}`: {_CAPTIONS[label]}.\n\n![{_CAPTIONS[label]}]({label}.png)\n" for label in flown.FIGURES
+    )
     return f"""# The paper's results, run again
 
 Written by `skydiver-utc compare paper --out FOLDER`; do not edit. `make paper` makes it all again.
@@ -57,13 +59,7 @@ Of {len(claims)} claims: {counted}.
 {table(("the paper says", "", "measured", "remark"), rows)}
 ## The paper's figures
 
-{_pictures()}"""
-
-
-def _pictures() -> str:
-    return "\n".join(
-        f"`{label}`: {_CAPTIONS[label]}.\n\n![{_CAPTIONS[label]}]({label}.png)\n" for label in flown.FIGURES
-    )
+{pictures}"""
 
 
 def details(results: PaperResults) -> str:
@@ -83,7 +79,10 @@ def details(results: PaperResults) -> str:
         "## Configurations\n\nUTC: dynamics of alpha in the prediction, what couples the hands with the yaw damping,"
         " steps. RMSE, largest error and peak after 2 s in deg/s, largest airspeed in m/s. Late: converged in the"
         " second half of the run, where it may be chance. The slow turn is 180 deg/s sin(2 pi 0.1 t).\n",
-        table(CONFIGURATION_HEAD, configuration_rows(results)),
+        table(
+            ("configuration", "code", "RMSE", "largest", "converged", "peak", "effort", "airspeed"),
+            [_configuration(label, one, results.of(one)) for label, one in flown.CONFIGURATIONS.items()],
+        ),
         *matrices,
         "## Variants of the equations\n\nThe run with the other variant, all else as in its scenario.\n",
         _variants(results),
@@ -103,31 +102,19 @@ def details(results: PaperResults) -> str:
     return "\n".join(parts)
 
 
-def configuration_rows(results: PaperResults) -> list[tuple[str, ...]]:
-    """The paper's configurations and those beside them, under CONFIGURATION_HEAD."""
-    return [
-        (label, f"`{one.command}`", *_cells(one, results.of(one)))
-        for label, one in flown.CONFIGURATIONS.items()
-    ]
-
-
-def _cells(one: Case, found: Measures) -> tuple[str, ...]:
+def _configuration(label: str, one: Case, found: Measures) -> tuple[str, ...]:
+    time_s, effort = found.convergence_time_s, found.control_effort
+    late = " (late)" if time_s and time_s > 0.5 * shipped(one.scenario).duration_s else ""
     return (
+        label,
+        f"`{one.command}`",
         _rmse(found),
         figure(found.max_abs_error_deg_s),
-        _converged(one, found),
+        "never" if time_s is None else f"{time_s:.1f} s{late}",
         figure(found.peak_yaw_rate_deg_s),
-        "-" if found.control_effort is None else f"{found.control_effort:.2f}",
+        "-" if effort is None else f"{effort:.2f}",
         figure(found.largest_speed_m_s),
     )
-
-
-def _converged(one: Case, found: Measures) -> str:
-    """The convergence time in words."""
-    if found.convergence_time_s is None:
-        return "never"
-    late = found.convergence_time_s > 0.5 * shipped(one.scenario).duration_s
-    return f"{found.convergence_time_s:.1f} s" + (" (late)" if late else "")
 
 
 def _rmse(found: Measures) -> str:

@@ -11,21 +11,21 @@ def paper_words(scenario: Scenario) -> dict[str, str]:
 
     Settings must be the shipped ones, but for duration and seed.
     """
-    names = [case.scenario for case in (*flown.PAPER_UTC, *flown.LAYOUTS)]
-    if scenario.name not in names:
+    bars = dict(zip(flown.THREE, flown.BARS, strict=True))
+    layouts = [case.scenario for case in flown.LAYOUTS]
+    if scenario.name not in (*bars, *layouts):
         return {}
-    same = shipped(scenario.name).model_copy(
-        update={"duration_s": scenario.duration_s, "seed": scenario.seed, "epoch_s": scenario.epoch_s}
+    same = shipped(scenario.name).replace(
+        duration_s=scenario.duration_s, seed=scenario.seed, epoch_s=scenario.epoch_s
     )
     if same != scenario:
         return {}
-    if scenario.name in [case.scenario for case in flown.LAYOUTS]:
+    if scenario.name in layouts:
         return {
             "at the end": "flies front and back layouts, through head to earth",
             "angle turned": "at most 10 deg",
         }
-    bar = dict(zip((case.scenario for case in flown.PAPER_UTC), flown.BARS, strict=True))[scenario.name]
     return {
-        "yaw rate: RMSE": f"tracks accurately: taken as at most {bar:g} deg/s",
+        "yaw rate: RMSE": f"tracks accurately: taken as at most {bars[scenario.name]:g} deg/s",
         "yaw rate: inside 5 %": f"converges after around {flown.CONVERGED_S:g} s",
     }

@@ -27,7 +27,6 @@ from skydiver_utc.studies.claim import Claim, Verdict
 from skydiver_utc.studies.claims_theory import mean_square
 from skydiver_utc.studies.linear_theory import of_linear_plant, report
 from skydiver_utc.studies.markdown import figure
-from skydiver_utc.studies.paper_files import read_comparison, to_json
 from skydiver_utc.studies.paper_page import details, page
 from skydiver_utc.studies.paper_results import (
     HandPush,
@@ -43,7 +42,7 @@ from skydiver_utc.studies.sensitivity import NUMBERS, Calibration, calibrations,
 pytestmark = pytest.mark.long
 
 PAPER = Path(__file__).resolve().parents[2] / "docs" / "paper"
-SHIPPED = read_comparison(PAPER)
+SHIPPED = PaperResults.model_validate_json((PAPER / "results.json").read_bytes())
 # Rounding alone moves the RMSE of a flight of 20 s by 1 %: a start 1e-9 m/s faster does.
 SAME_FLIGHT = 0.05
 
@@ -263,8 +262,9 @@ def test_a_quick_comparison_flies_shortly_writes_its_files_and_says_so(
     arguments = ("compare", "paper", "--quick", "--workers", "3", "--out", tmp_path)
     shown = json.loads(invoke(*arguments, "--json").stdout)
     assert len(shown["claims"]) == len(checklist(whole))
-    assert shown["measures"] == json.loads(to_json(whole))["measures"]
-    assert read_comparison(tmp_path) == whole
+    written = (tmp_path / "results.json").read_bytes()
+    assert shown["measures"] == json.loads(written)["measures"]
+    assert PaperResults.model_validate_json(written) == whole
     assert (tmp_path / "paper.md").read_text(encoding="utf-8") == page(whole)
     assert (tmp_path / "details.md").read_text(encoding="utf-8") == details(whole)
     assert imread(tmp_path / "ff6.png").shape[1] == 1200
