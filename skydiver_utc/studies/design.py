@@ -28,14 +28,9 @@ class Design:
         # (samples, variations), where SALib draws them.
         self.table: Any = _by_salib(study) if study.by_salib else None
 
-    @property
-    def samples_per_run(self) -> int:
-        """Count of the samples in one of the study's `runs`."""
-        return len(self.names) if self.study.sampler == "one_by_one" else 1
-
     def numbers(self) -> Iterator[int]:
         """Numbers of all runs, rising."""
-        cases, each = list(self.study.cases.values()), self.samples_per_run
+        cases, each = self.study.cases.values(), len(self.names) if self.study.sampler == "one_by_one" else 1
         counts = [each * (case.runs or self.study.runs) for case in cases]
         if self.table is not None:
             counts = [len(self.table)] * len(cases)

@@ -66,11 +66,12 @@ class Plan:
         for name, scenario in self.scenarios.items():
             try:
                 for i in range(most):
-                    settings = self._settings_at(i / (most - 1), name)
+                    share = min(max(i / (most - 1), 1e-9), 1.0 - 1e-9)
+                    values = {setting: one.at(share) for setting, one in self.study.vary.items()}
+                    settings = self.design.settings(Sample(values, 0), self.own[name])
                     found = override(scenario, settings)
                     if i == most // 2:
-                        one_step = settings | {"duration_s": found.dt_s}
-                        middles[name] = _submitted(pool, self._texts[name], one_step)
+                        middles[name] = self.submit(pool, name, settings | {"duration_s": found.dt_s})
             except (ParameterError, ValueError) as error:
                 raise self._of_case(name, error) from error
         for name, future in middles.items():
@@ -100,33 +101,39 @@ class Plan:
         """The scenario of a run."""
         return override(self.scenarios[self.design.case(number)], self.settings(number))
 
-    def job(self, number: int) -> tuple[str, dict[str, Any]]:
-        """Arguments of `fly` for a run."""
-        return self._texts[self.design.case(number)], self.settings(number)
+    def submit(self, pool: Executor, case: str, settings: Mapping[str, Any]) -> Future[Flown]:
+        """The call of `fly`; one to a pool that lost a worker is lost, too."""
+        try:
+            return pool.submit(fly, self._texts[case], settings)
+        except BrokenExecutor as error:
+            lost: Future[Flown] = Future()
+            lost.set_exception(error)
+            return lost
 
-    def row(self, number: int, flown: Flown) -> Row:
-        """The row of a run."""
-        return self._row(number, flown.outcome, kept_of(self.study, flown), flown.sentence, "", flown.cpu_s)
-
-    def failed(self, number: int, error: BaseException) -> Row:
-        """The row of a run that raised an error."""
-        sentence = " ".join(str(error).split()) or type(error).__name__
-        return self._row(number, FAILED, {}, sentence, "".join(traceback.format_exception(error)), 0.0)
-
-    def _row(self, number: int, outcome: str, kept: dict[str, Any], *rest: Any) -> Row:
-        sample, success = self.design.sample(number).values, self.is_success(outcome, kept)
-        return Row(number, self.design.case(number), sample, outcome, success, kept, *rest)
+    def row(self, number: int, ended: Flown | BaseException) -> Row:
+        """The row of a run that ended, or raised an error."""
+        trace = ""
+        if isinstance(ended, BaseException):
+            trace = "".join(traceback.format_exception(ended))
+            ended = Flown(FAILED, {}, " ".join(str(ended).split()) or type(ended).__name__, 0.0)
+        kept = kept_of(self.study, ended) if ended.metrics else {}
+        return Row(
+            number,
+            self.design.case(number),
+            self.design.sample(number).values,
+            ended.outcome,
+            self.is_success(ended.outcome, kept),
+            kept,
+            ended.sentence,
+            trace,
+            ended.cpu_s,
+        )
 
     def is_success(self, outcome: str, kept: Mapping[str, Any]) -> bool:
         """Whether a run was completed with its metrics within the bars."""
         return outcome == Outcome.COMPLETED.value and all(
             bar.holds(kept.get(name)) for name, bar in self.study.success.items()
         )
-
-    def _settings_at(self, share: float, case: str) -> dict[str, Any]:
-        inside = min(max(share, 1e-9), 1.0 - 1e-9)
-        values = {name: one.at(inside) for name, one in self.study.vary.items()}
-        return self.design.settings(Sample(values, 0), self.own[case])
 
 
 def fly(scenario: str, settings: Mapping[str, Any]) -> Flown:
@@ -135,9 +142,7 @@ def fly(scenario: str, settings: Mapping[str, Any]) -> Flown:
     return Flown.of(simulate(override(_scenario(scenario), settings)), began)
 
 
-@lru_cache(maxsize=64)
-def _scenario(text: str) -> Scenario:
-    return from_yaml(text)
+_scenario = lru_cache(maxsize=64)(from_yaml)
 
 
 def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
@@ -210,27 +215,20 @@ def fly_study(
     progress(tally)
     flying: dict[Future[Flown], int] = {}
     while not tally.enough:
-        flying |= {_submitted(pool, *plan.job(n)): n for n in islice(missing, at_once - len(flying))}
+        flying |= {
+            plan.submit(pool, plan.design.case(n), plan.settings(n)): n
+            for n in islice(missing, at_once - len(flying))
+        }
         if not flying:
             break
         # Runs that ended come before those that were lost with a worker, which stop the study.
         for future in sorted(wait(flying, return_when=FIRST_COMPLETED).done, key=_is_lost):
-            row = _ended(plan, flying.pop(future), future)
+            row = plan.row(flying.pop(future), _error(future) or future.result())
             ledger.add(row)
             tally.add(row)
         progress(tally)
     last = tally.last if tally.enough else numbers[-1]
     return [row for row in ledger.rows() if row.number in wanted and row.number <= last]
-
-
-def _submitted(pool: Executor, scenario: str, settings: Mapping[str, Any]) -> "Future[Flown]":
-    """The call of `fly`; one to a pool that lost a worker is lost, too."""
-    try:
-        return pool.submit(fly, scenario, settings)
-    except BrokenExecutor as error:
-        lost: Future[Flown] = Future()
-        lost.set_exception(error)
-        return lost
 
 
 def _is_lost(future: "Future[Flown]") -> bool:
@@ -251,9 +249,3 @@ def _error(future: "Future[Flown]") -> BaseException | None:
     if _is_of_a_worker(error):
         raise StudyStoppedError("a worker process ended before its run did") from error
     return error
-
-
-def _ended(plan: Plan, number: int, future: "Future[Flown]") -> Row:
-    """The row of a run that ended, or raised an error."""
-    error = _error(future)
-    return plan.row(number, future.result()) if error is None else plan.failed(number, error)

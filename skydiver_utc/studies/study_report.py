@@ -137,15 +137,11 @@ def maps_of(plan: Plan, rows: Sequence[Row], metric: str) -> list[ErrorMap]:
     """A metric of each case's runs against each of the variations that are numbers."""
     panels = []
     for name, one in plan.study.vary.items():
-        found: dict[str, tuple[list[float], list[float]]] = {}
+        found: dict[str, Any] = {}
         for case in plan.scenarios:
-            own = [row for row in rows if row.case == case and _is_number(row.sample.get(name))]
-            points = sorted(
-                (row.sample[name], row.metrics[metric]) for row in own if _is_number(row.metrics.get(metric))
-            )
-            if points:
-                values, measured = zip(*points, strict=True)
-                found[case] = list(values), list(measured)
+            own = ((row.sample.get(name), row.metrics.get(metric)) for row in rows if row.case == case)
+            if points := sorted(point for point in own if all(map(_is_number, point))):
+                found[case] = tuple(zip(*points, strict=True))
         if found:
             panels.append(ErrorMap(f"{name} [{one.unit or '1'}]", one.log_uniform is not None, found))
     return panels
@@ -162,17 +158,13 @@ def sensitivity_table(plan: Plan, rows: Sequence[Row]) -> str:
     lines = []
     for case in plan.scenarios:
         own = [row for row in rows if row.case == case]
-        values = [row.metrics.get(study.metrics[0]) for row in own]
-        found = np.array([value if _is_number(value) else np.inf for value in values])
+        measured = (row.metrics.get(study.metrics[0]) for row in own)
+        found = np.array([value if _is_number(value) else np.inf for value in measured])
         indices = _indices(plan, own, found)
         for k, name in enumerate(study.vary):
-            cells = (_index(indices[index][k]) if indices else "-" for index in shown)
-            lines.append((case, name, *cells))
+            values = (indices[index][k] if indices else np.nan for index in shown)
+            lines.append((case, name, *("-" if np.isnan(value) else f"{value:.2f}" for value in values)))
     return table(("case", "", *shown), lines)
-
-
-def _index(value: float) -> str:
-    return "-" if np.isnan(value) else f"{value:.2f}"
 
 
 def _indices(plan: Plan, rows: Sequence[Row], found: Any) -> Any:

@@ -17,7 +17,6 @@ from skydiver_utc.studies.cases import Measures
 FLIGHT_MEASURES = tuple(
     name for name, field in Measures.model_fields.items() if field.annotation == (float | None)
 )
-StaticMeasure = Literal["fall_speed_m_s", "yaw_acceleration_rad_s2", "steady_yaw_rate_deg_s"]
 
 
 class RelativeBar(Bar):
@@ -33,7 +32,7 @@ class RelativeBar(Bar):
 class StaticTarget(RelativeBar):
     """A target for the straight fall, or for the turn at a held pattern angle."""
 
-    measure: StaticMeasure
+    measure: Literal["fall_speed_m_s", "yaw_acceleration_rad_s2", "steady_yaw_rate_deg_s"]
     alpha: Annotated[PatternAngle | None, text("pattern angle of the turn, where left out the largest")] = (
         None
     )
@@ -55,10 +54,6 @@ class ScenarioWithSettings(Parameters):
     settings: Annotated[dict[str, Any], text("overrides by dotted name")] = {}
 
 
-class Start(ScenarioWithSettings):
-    """The skydiver from which the search starts: the plant of a scenario; its posture is the one that is trimmed."""
-
-
 class Flight(ScenarioWithSettings):
     """A scenario to be flown with the skydiver, and the targets for what is measured of it."""
 
@@ -76,13 +71,14 @@ class Flight(ScenarioWithSettings):
 class Calibration(Parameters):
     """A skydiver to be found.
 
+    start: the search begins with the plant of this scenario; its posture is the one that is trimmed
     numbers: by dotted name, the smallest and the largest value; front, side and axial name a segment's drag areas
     pattern: the kind of movement pattern that is designed for each candidate, none to keep that of the start
     """
 
     name: str
     description: str
-    start: Start
+    start: ScenarioWithSettings
     numbers: dict[str, Annotated[tuple[float, float], AfterValidator(rising)]]
     pattern: Literal["turn"] | None = None
     statics: tuple[StaticTarget, ...] = ()
