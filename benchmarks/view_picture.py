@@ -45,8 +45,7 @@ def main() -> None:
             flight.blow()
         page.frame(0.04)
     page.playing = False
-    for view in page.views:
-        view.ahead_s = 0.3
+    page.options["ahead"] = 0.3
     page.later("draw", lambda: None)
     thread = threading.Thread(target=page.run, args=(done.is_set,))
     thread.start()

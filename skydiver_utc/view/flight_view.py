@@ -2,19 +2,27 @@
 """One flight in a viser page: its body, forces, wind, path and ghost, and its charts."""
 
 from collections import deque
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from skydiver_utc.analysis.style import GREEN, PINK, SKY, VERMILLION, rgb
 from skydiver_utc.arrays import Array
-from skydiver_utc.plants.protocol import FORCE_M_PER_N, Plant
-from skydiver_utc.view.charts import Ahead, Charts
-from skydiver_utc.view.live_signals import Instant, Signals
+from skydiver_utc.plants.protocol import FORCE_M_PER_N
+from skydiver_utc.view.charts import Ahead, Charts, Instant
 from skydiver_utc.view.scene import PlantShapes, as_light
 
-if TYPE_CHECKING:  # it is imported only where a page is shown
+if (
+    TYPE_CHECKING
+):  # viser is imported only where a page is shown, nodes only where one is of a flight over ROS
     from viser import ViserServer
+
+    from skydiver_utc.view.live_flight import LiveFlight
+    from skydiver_utc.view.recorded_flight import RecordedFlight
+    from skydiver_utc.view.ros_flight import RosFlight
+
+    Flight = LiveFlight | RosFlight | RecordedFlight
 
 _GHOST, _FORCE, _WIND, _PATH = rgb(SKY), rgb(VERMILLION), rgb(GREEN), rgb(PINK)
 _M_PER_M_S = 0.1  # of the arrow of a wind
@@ -23,42 +31,18 @@ _JUMP_M = 2.0  # beyond twice its way at the present speed a body was put elsewh
 _WIND_FROM = np.array([0.0, 0.0, 0.8])
 
 
-class Flight(Protocol):
-    """Something that flies, flew, or plays: `advance` moves it on, `now` and `history` tell its signals."""
-
-    name: str
-    plant: Plant
-    tracked: tuple[str, ...]
-    signals: Signals
-    ended: str
-
-    def advance(self, seconds: float) -> None:
-        """Go on by so much simulated time."""
-
-    def now(self) -> Instant:
-        """The present instant."""
-        ...
-
-    def history(self) -> Array:
-        """Rows of the signals (R, columns) until now."""
-        ...
-
-    def look_ahead(self, seconds: float) -> tuple[Array, Array]:
-        """States (S, J + 1, n) and what the actuators then hold (S, a); S = 0 where nothing is predicted."""
-        ...
-
-
 class FlightView:
     """Draws a flight at a place (3,) of the scene; a body whose state is an odometry stays there as it falls.
 
-    shown: which of "ghost", "forces", "wind" and "path" are drawn; ahead_s: how far the ghost looks beyond the horizon
+    options: whether each of `PARTS` is drawn, and how far the ghost looks "ahead" [s], at least to the horizon
     """
 
     PARTS = ("ghost", "forces", "wind", "path")
 
-    def __init__(self, server: "ViserServer", flight: Flight, node: str, place: Array) -> None:
-        self.flight, self.ahead_s = flight, 0.0
-        self.shown = dict.fromkeys(self.PARTS, True)
+    def __init__(
+        self, server: "ViserServer", flight: "Flight", node: str, place: Array, options: Mapping[str, Any]
+    ) -> None:
+        self.flight, self._options = flight, options
         self._place, self._follows = place, flight.plant.state_message == "odometry"
         self._path: deque[tuple[float, Array]] = deque()
         self._charts: Charts | None = None
@@ -91,17 +75,19 @@ class FlightView:
             position = now.state[:3] if self._follows else poses[0, :3]
             speed = float(np.linalg.norm(now.state[7:10])) if self._follows else np.inf
             self._draw_path(now.time_s, position, speed)
-            forces = plant.shape_forces(now.state, now.applied) if self.shown["forces"] else np.empty((0, 3))
+            forces = (
+                plant.shape_forces(now.state, now.applied) if self._options["forces"] else np.empty((0, 3))
+            )
             tails = poses[: len(forces), :3] - self._origin
             self._forces.points = _segments(tails, tails + FORCE_M_PER_N * forces)
-            blows = self.shown["wind"] and now.wind.any()
+            blows = self._options["wind"] and now.wind.any()
             tail = (self._place + _WIND_FROM)[np.newaxis]
             self._wind.points = _segments(tail, tail + _M_PER_M_S * now.wind)[: int(blows)]
         return now
 
     def show_ahead(self) -> None:
         """Draw the charts, and the ghost with the spread of the sigma points."""
-        states, applied = self.flight.look_ahead(self.ahead_s)
+        states, applied = self.flight.look_ahead(self._options["ahead"])
         ahead = None
         if len(states) and np.isfinite(states[0]).all():
             dt_s, begins_s = self.flight.plant.dt_s, self.flight.now().time_s
@@ -118,7 +104,7 @@ class FlightView:
         """
         if self._ghost is None:
             return
-        drawn = self.shown["ghost"] and len(states) > 0 and bool(np.isfinite(states[0, -1]).all())
+        drawn = self._options["ghost"] and len(states) > 0 and bool(np.isfinite(states[0, -1]).all())
         self._ghost.mesh.visible = self._spread.visible = drawn
         if not drawn:
             return
@@ -147,7 +133,7 @@ class FlightView:
             path.append((time_s, position.copy()))
         while path and time_s - path[0][0] > _PATH_S:
             path.popleft()
-        if not self.shown["path"] or len(path) < 2:
+        if not self._options["path"] or len(path) < 2:
             self._line.points = np.zeros((0, 2, 3), dtype=np.float32)
             return
         times = np.array([t for t, _ in path])

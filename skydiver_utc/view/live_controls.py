@@ -1,45 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pages of a live flight and of recorded runs: what a user can change on each."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 from skydiver_utc.loop.plant_steps import states_to_push
-from skydiver_utc.parameters import Leaf, ParameterError, Scenario, leaves
-from skydiver_utc.view.flight_view import Flight
-from skydiver_utc.view.gusts import Gusts
+from skydiver_utc.parameters import Leaf, ParameterError, leaves
 from skydiver_utc.view.live_page import Page
 from skydiver_utc.view.live_settings import label, settings_to_change, slider_range
 from skydiver_utc.view.recorded_flight import RecordedFlight
 
-
-class ChangedFlight(Flight, Protocol):
-    """A flight that users change: in this process or over ROS."""
-
-    scenario: Scenario
-    gusts: Gusts
-    changes: tuple[str, ...]  # the slots whose settings can be changed
-
-    def change(self, values: Mapping[str, Any]) -> None:
-        """Fly on with other settings, by dotted name. Raises `ParameterError`."""
-
-    def blow(self) -> None:
-        """Let a gust begin now."""
-
-    def push(self, name: str, by: float) -> None:
-        """Change one state at the next step."""
-
-    def reset(self) -> None:
-        """Put the body back to its initial state. Raises `ParameterError`."""
-
-    def pause(self, paused: bool) -> None:
-        """The page stands still, or goes on. Raises `ParameterError` where the flight does not."""
+if TYPE_CHECKING:  # nodes are imported only where a page is of a flight over ROS
+    from skydiver_utc.view.live_flight import LiveFlight
+    from skydiver_utc.view.ros_flight import RosFlight
 
 
 class LivePage(Page):
     """A flight with its settings, gusts, pushes and reset; handles: the controls of settings, by name."""
 
-    def __init__(self, flight: ChangedFlight, port: int = 8080) -> None:
+    def __init__(self, flight: "LiveFlight | RosFlight", port: int = 8080) -> None:
         self.flight, self.handles = flight, dict[str, Any]()
         super().__init__([flight], flight.scenario.title or flight.name, port)
 
@@ -101,12 +80,12 @@ class RunsPage(Page):
 
     def __init__(self, flights: Sequence[RecordedFlight], port: int = 8080) -> None:
         self._flights = flights
-        self.span = (min(each.begins_s for each in flights), max(each.ends_s for each in flights))
-        super().__init__(flights, ", ".join(each.name for each in flights), port, self.span)
+        self._span = (min(each.begins_s for each in flights), max(each.ends_s for each in flights))
+        super().__init__(flights, ", ".join(each.name for each in flights), port, self._span)
 
     def add_controls(self) -> None:
         """The time, which follows the runs and moves them."""
-        begins, ends = self.span
+        begins, ends = self._span
         self._time: Any = self.server.gui.add_slider("time [s]", begins, ends, 0.01, begins)
         self._time.on_update(self._moved)
         back = self.server.gui.add_button("Begin again")
@@ -121,7 +100,7 @@ class RunsPage(Page):
         """A frame, after which the slider stands at the time shown."""
         super().frame(seconds)
         shown = max(each.now().time_s for each in self._flights)
-        self._time.value = min(max(shown, self.span[0]), self.span[1])
+        self._time.value = min(max(shown, self._span[0]), self._span[1])
 
     def _moved(self, event: Any) -> None:
         if event.client is not None:  # moved by a user, and not by the runs

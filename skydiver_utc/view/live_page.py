@@ -4,14 +4,16 @@
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from skydiver_utc.parameters import ParameterError
-from skydiver_utc.view.flight_view import Flight, FlightView
+from skydiver_utc.view.flight_view import FlightView
 from skydiver_utc.view.scene import light, scene_server
+
+if TYPE_CHECKING:
+    from skydiver_utc.view.flight_view import Flight
 
 _FRAME_S, _FRAMES_OF_CHARTS = 1.0 / 30.0, 3
 # A page that was held up goes on from where it was, instead of catching up with the clock.
@@ -24,20 +26,24 @@ class Page:
     """Flights side by side, played at one speed; a subclass adds what a user can change.
 
     flights: at least one; title: above the controls; span [s]: of the charts' time axis, None: as it comes
+    options: of the drawing, see `FlightView`, and the "speed"
     """
 
     def __init__(
-        self, flights: Sequence[Flight], title: str, port: int = 8080, span: tuple[float, float] | None = None
+        self, flights: "Sequence[Flight]", title: str, port: int, span: tuple[float, float] | None = None
     ) -> None:
         self._open = ExitStack()
         self.server = self._open.enter_context(scene_server(port, title))
         self.playing, self.frames = True, 0
-        self._speed, self._pending = 1.0, dict[str, Callable[[], None]]()
+        self.options: dict[str, Any] = {"speed": "1", "ahead": 0.0, **dict.fromkeys(FlightView.PARTS, True)}
+        self._pending = dict[str, Callable[[], None]]()
         self._shown_at = time.perf_counter()
         self._prepare_scene(len(flights))
         middle = 0.5 * (len(flights) - 1)
         self.views = [
-            FlightView(self.server, flight, f"/{i}", np.array([0.0, (middle - i) * _BESIDE_M, 0.0]))
+            FlightView(
+                self.server, flight, f"/{i}", np.array([0.0, (middle - i) * _BESIDE_M, 0.0]), self.options
+            )
             for i, flight in enumerate(flights)
         ]
         gui = self.server.gui
@@ -48,7 +54,7 @@ class Page:
         ]
         self._play = gui.add_button("Pause")
         self.on("Play or pause", self.toggle, self._play, "space")
-        self.on_change("speed", gui.add_dropdown("speed", _SPEEDS, initial_value="1"), self._set_speed)
+        self._sets_option("speed", gui.add_dropdown("speed", _SPEEDS, initial_value="1"))
         self.add_controls()
         self._add_what_is_shown()
         gui.main_panel.dock_right()
@@ -72,9 +78,9 @@ class Page:
         button.on_click(lambda _: self.later(words, act))
         self.server.gui.add_command(words, hotkey=hotkey).on_trigger(lambda _: self.later(words, act))
 
-    def on_change(self, name: str, control: Any, apply: Callable[[Any], None]) -> None:
-        """Apply a control's value at the next frame after a change."""
-        control.on_update(lambda _: self.later(name, lambda: apply(control.value)))
+    def _sets_option(self, name: str, control: Any) -> None:
+        """Set an option to a control's value at the next frame after a change."""
+        control.on_update(lambda _: self.later(name, lambda: self.options.update({name: control.value})))
 
     def later(self, name: str, act: Callable[[], None]) -> None:
         """Act at the next frame; of several under one name only the newest. Called from the server's threads."""
@@ -96,7 +102,7 @@ class Page:
         with self.server.atomic():
             for view, line in zip(self.views, self._lines, strict=True):
                 if self.playing:
-                    view.flight.advance(self._speed * seconds)
+                    view.flight.advance(float(self.options["speed"]) * seconds)
                 now = view.show()
                 line.value = f"{now.time_s:.1f} s" + (f": {view.flight.ended}" if view.flight.ended else "")
         if acted or self.frames % _FRAMES_OF_CHARTS == 0:
@@ -130,9 +136,6 @@ class Page:
         """Stop the server."""
         self._open.close()
 
-    def _set_speed(self, speed: str) -> None:
-        self._speed = float(speed)
-
     def _prepare_scene(self, count: int) -> None:
         scene = self.server.scene
         light(scene)
@@ -145,18 +148,11 @@ class Page:
         gui = self.server.gui
         with gui.add_folder("View", expand_by_default=False):
             for part in FlightView.PARTS:
-                self.on_change(part, gui.add_checkbox(part, True), partial(self._show_part, part))
+                self._sets_option(part, gui.add_checkbox(part, True))
             ahead = gui.add_slider("ghost ahead [s]", 0.0, 1.0, 0.05, 0.0, hint="0: the controller's horizon")
-            self.on_change("ahead", ahead, self._look_ahead)
-            self.on_change("dark", gui.add_checkbox("dark", False), self._set_dark)
-
-    def _show_part(self, part: str, shown: bool) -> None:
-        for view in self.views:
-            view.shown[part] = shown
-
-    def _look_ahead(self, seconds: float) -> None:
-        for view in self.views:
-            view.ahead_s = seconds
+            self._sets_option("ahead", ahead)
+            dark = gui.add_checkbox("dark", False)
+            dark.on_update(lambda _: self.later("dark", lambda: self._set_dark(dark.value)))
 
     def _set_dark(self, dark: bool) -> None:
         self.server.gui.configure_theme(

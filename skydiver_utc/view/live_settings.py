@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 from skydiver_utc.parameters import Leaf, Scenario, leaves
 
-Number = float | int
 # A slider reaches so many times the scenario's value, and down to a share of it where the sign may not change.
 _FACTOR, _SHARE = 5.0, 0.01
 # A setting that is zero has a slider over its bounds where these are no further apart.
@@ -18,9 +17,9 @@ _STEPS = 200
 class Range(NamedTuple):
     """Ends and step of a slider."""
 
-    minimum: Number
-    maximum: Number
-    step: Number
+    minimum: float
+    maximum: float
+    step: float
 
 
 def settings_to_change(scenario: Scenario) -> Iterator[Leaf]:

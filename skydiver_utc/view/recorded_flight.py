@@ -6,7 +6,7 @@ import numpy as np
 from skydiver_utc.arrays import Array
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import ParameterError
-from skydiver_utc.view.live_signals import Instant, Signals, deviations
+from skydiver_utc.view.charts import Instant, Signals, deviations
 
 _MOST_ROWS = 1500
 

@@ -20,9 +20,9 @@ from skydiver_utc.loop.build import (
 from skydiver_utc.loop.tuned_scenario import TunedScenario
 from skydiver_utc.nodes.observed_run import ObservedRun
 from skydiver_utc.parameters import leaves, override
+from skydiver_utc.view.charts import Instant, Signals, deviations
 from skydiver_utc.view.gusts import Gusts
-from skydiver_utc.view.live_signals import Instant, Signals, deviations
-from skydiver_utc.view.look_ahead import look_ahead
+from skydiver_utc.view.live_flight import look_ahead
 
 _MOST_ROWS = 300  # ten seconds of frames
 
