@@ -75,14 +75,12 @@ def test_a_recording_of_the_rest_starts_where_it_begins() -> None:
     assert figure.axes[-1].get_xlim() == pytest.approx((1.5, 4.0))
 
 
-def test_every_run_can_be_drawn() -> None:
-    for run in odd_runs().values():
-        assert tracking_figure(run).axes
-
-
-@pytest.mark.parametrize("name", ["no step", "huge", "not a number"])
-def test_a_run_whose_axes_could_have_no_length_or_no_end_is_rendered(name: str) -> None:
-    assert imread(BytesIO(png(tracking_figure(odd_runs()[name])))).shape[1] == 1200
+@pytest.mark.parametrize("name", odd_runs())
+def test_every_run_can_be_drawn(name: str) -> None:
+    figure = tracking_figure(odd_runs()[name])
+    assert figure.axes
+    if name in ("no step", "huge", "not a number"):  # whose axes could have no length or no end
+        assert imread(BytesIO(png(figure))).shape[1] == 1200
 
 
 def test_equal_runs_give_equal_files_whatever_the_user_has_set() -> None:

@@ -13,7 +13,6 @@ from skydiver_utc.analysis.metrics import metrics, to_json
 from skydiver_utc.analysis.numbers import first_step_from
 from skydiver_utc.controllers.protocol import Status
 from skydiver_utc.loop.outcome import Outcome
-from skydiver_utc.loop.run import Run
 
 OF_ANY_PLANT = {
     *("schema_version", "scenario", "outcome", "reason", "outputs", "rmse_deg_s", "max_abs_error_deg_s"),
@@ -26,10 +25,13 @@ OF_SKYDIVERS = {
 }
 
 
-def test_a_plant_and_a_skydiver_have_their_own_keys() -> None:
-    skydivers = metrics(run_of())
-    assert set(metrics(run_of(scenario=cart()))) == OF_ANY_PLANT
+def test_a_plant_and_a_skydiver_have_their_own_keys_and_rows() -> None:
+    skydivers, carts = metrics(run_of()), metrics(run_of(scenario=cart()))
+    assert set(carts) == OF_ANY_PLANT
     assert set(skydivers) == OF_ANY_PLANT | OF_SKYDIVERS
+    labels = [row.label for row in rows(carts)]
+    assert any(label.startswith("place: ") for label in labels)
+    assert not any("dorsal" in label for label in labels)
     assert [skydivers[key] for key in ("wall_time_s", "simulated_time_s", "control_effort")] == [
         0.5,
         4.0,
@@ -112,10 +114,20 @@ def test_two_seconds_that_are_no_whole_number_of_steps() -> None:
     assert first_step_from(2.0, skydiver(dt_s=0.004)) == 500
 
 
-@pytest.mark.parametrize("steps", [0, 1, 39])
-def test_a_run_shorter_than_two_seconds_has_no_errors(steps: int) -> None:
-    result = metrics(run_of(steps=steps, outcome=Outcome.ABORTED))
-    assert [result[key] for key in ("rmse_deg_s", "max_abs_error_deg_s", "peak_yaw_rate_deg_s")] == [None] * 3
+@pytest.mark.parametrize(
+    ("steps", "outcome", "rmse"),
+    [
+        *((steps, Outcome.ABORTED, None) for steps in (0, 1, 39)),  # shorter than two seconds
+        *((60, outcome, pytest.approx(1.0)) for outcome in (Outcome.ABORTED, Outcome.NO_COMMAND)),
+    ],
+)
+def test_a_run_cut_short_has_errors_from_two_seconds_on_but_no_convergence(
+    steps: int, outcome: Outcome, rmse: object
+) -> None:
+    result = metrics(run_of(101.0, steps=steps, outcome=outcome))
+    assert [result[key] for key in ("rmse_deg_s", "max_abs_error_deg_s")] == [rmse, rmse]
+    assert (result["peak_yaw_rate_deg_s"] is None) == (rmse is None)
+    assert result["convergence_time_s"] is None
     assert result["simulated_time_s"] == pytest.approx(steps * 0.05)
     json.loads(to_json(result))
 
@@ -127,34 +139,10 @@ def test_nan_is_written_as_null(outcome: Outcome) -> None:
     text = to_json(metrics(run_of(rate, outcome=outcome, wall_time_s=math.nan)))
     read = json.loads(text)
     assert "NaN" not in text
-    undefined = (
-        "rmse_deg_s",
-        "max_abs_error_deg_s",
-        "convergence_time_s",
-        "peak_yaw_rate_deg_s",
-        "wall_time_s",
-    )
-    assert {read[key] for key in undefined} == {None}
+    errors = ("rmse_deg_s", "max_abs_error_deg_s", "peak_yaw_rate_deg_s")
+    assert {read[key] for key in (*errors, "convergence_time_s", "wall_time_s")} == {None}
     with pytest.raises(ValueError, match="JSON"):
         to_json({"x": math.nan})
-
-
-@pytest.mark.parametrize("outcome", [Outcome.ABORTED, Outcome.NO_COMMAND])
-def test_a_run_cut_short_has_errors_but_no_convergence(outcome: Outcome) -> None:
-    result = metrics(run_of(101.0, steps=60, outcome=outcome))
-    assert result["rmse_deg_s"] == pytest.approx(1.0)
-    assert result["convergence_time_s"] is None
-
-
-def banked(run: Run, rows: slice, bank_deg: float) -> None:
-    half = math.radians(bank_deg) / 2
-    run.states[rows, 3:7] = [math.sin(half), 0.0, 0.0, math.cos(half)]
-
-
-def test_the_lowest_dorsal_axis_of_a_body_on_its_side() -> None:
-    run = run_of()
-    banked(run, slice(30, 31), 90.0)
-    assert metrics(run)["min_dorsal_axis"] == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -167,10 +155,12 @@ def test_the_lowest_dorsal_axis_of_a_body_on_its_side() -> None:
 )
 def test_a_body_that_ends_on_its_side_faces_the_earth_with_neither(bank_deg: float, facing: str) -> None:
     """Belly and back within 45 deg; 60 steps of 0.05 s on the other side come before."""
-    run = run_of()
-    banked(run, slice(60), 0.0 if facing == "back to earth" else 180.0)
-    banked(run, slice(60, None), bank_deg)
+    banks = np.full(81, 0.0 if facing == "back to earth" else 180.0)
+    banks[60:] = bank_deg
+    run, half = run_of(), np.deg2rad(banks) / 2
+    run.states[:, 3:7] = np.stack([np.sin(half), 0 * half, 0 * half, np.cos(half)], axis=1)
     found = metrics(run)
+    assert found["min_dorsal_axis"] == pytest.approx(np.cos(np.deg2rad(banks)).min(), abs=1e-12)
     assert found["facing"] == facing
     assert found["facing_since_s"] == (None if facing == "neither" else pytest.approx(3.0))
 
@@ -178,7 +168,7 @@ def test_a_body_that_ends_on_its_side_faces_the_earth_with_neither(bank_deg: flo
 class TestRecordingOfTheRest:
     """Runs whose first steps are not recorded."""
 
-    def test_figures_are_of_the_recorded_steps(self) -> None:
+    def test_figures_and_labels_are_of_the_recorded_steps(self) -> None:
         # Step 40 is 2 s, step 60 is 3 s. Inside 5 % of 100 deg/s from step 70 on.
         rate = np.full(81, 110.0)
         rate[70:] = 103.0
@@ -191,11 +181,6 @@ class TestRecordingOfTheRest:
         assert late["convergence_time_s"] == pytest.approx(3.5)
         assert settled["convergence_time_s"] == settled["begins_at_s"] == pytest.approx(3.75)
         assert (settled["facing"], settled["facing_since_s"]) == ("belly to earth", pytest.approx(3.75))
-
-    def test_labels_have_the_time_and_the_missing_steps(self) -> None:
-        rate = np.full(81, 110.0)
-        rate[70:] = 103.0
-        whole, late, settled = (metrics(run_of(rate).since(k)) for k in (0, 60, 75))
         assert any("RMSE from 3 s on" in row.label for row in rows(late))
         assert any("RMSE from 2 s on" in row.label for row in rows(whole))
         assert ["latest" in row.label for row in rows(settled)].count(True) == 2
@@ -225,12 +210,6 @@ def test_a_metric_has_the_label_of_its_row_and_its_unit() -> None:
     assert label_of("control_effort") == "control effort [1]"
     assert label_of("convergence_time_s").endswith("[s]")
     assert label_of("own_metric") == "own_metric"
-
-
-def test_rows_of_another_plant_have_its_names_and_no_skydivers() -> None:
-    labels = [row.label for row in rows(metrics(run_of(scenario=cart())))]
-    assert any(label.startswith("place: ") for label in labels)
-    assert not any("dorsal" in label for label in labels)
 
 
 def test_what_the_controller_could_not_do_stands_in_the_reason() -> None:
