@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from skydiver_utc.loop.build import build_controller, build_plant, build_reference
-from skydiver_utc.parameters import ParameterError, Scenario, load_scenario
+from skydiver_utc.parameters import Scenario, load_scenario
 from skydiver_utc.studies.paper_cases import PI, PI_Q3, UNKNOWN, VARIANTS
 from skydiver_utc.studies.paper_variants import KIND, Variant
 
@@ -57,8 +57,3 @@ def test_every_variant_is_in_the_comparison() -> None:
     commands = [one.flown.command for one in VARIANTS if one.flown is not None]
     for name in get_args(Variant):
         assert any(command.endswith(f"controller.variants=[{name}]") for command in commands), name
-
-
-def test_an_unknown_variant_is_refused() -> None:
-    with pytest.raises(ParameterError, match="positional"):
-        transcribed(UNKNOWN, "other")

@@ -74,6 +74,11 @@ def study_file(folder: Path, **changes: Any) -> Path:
     return path
 
 
+def varied(setting: str, **distribution: Any) -> dict[str, Any]:
+    """Changes of `content`: another setting varies."""
+    return {"vary": {"start": {"settings": [setting], **distribution}}}
+
+
 def rows(folder: Path) -> dict[int, tuple[Any, ...]]:
     """The ledger's rows without their CPU time, by number."""
     connection = sqlite3.connect(folder / "ledger.sqlite")
@@ -123,8 +128,8 @@ class TestDistributions:
         assert len(pairs) == 6
 
     def test_a_factor_is_on_the_scenarios_own_number(self, tmp_path: Path) -> None:
-        vary = {"force": {"settings": ["plant.B.1.0"], "times": True, "choice": [3.0]}}
-        plan = Plan(Study.model_validate(content(tmp_path, vary=vary)))
+        force = varied("plant.B.1.0", times=True, choice=[3.0])
+        plan = Plan(Study.model_validate(content(tmp_path, **force)))
         assert [plan.scenario(n).plant.B[1][0] for n in (0, 1)] == [6.0, 1.5]
 
 
@@ -132,24 +137,18 @@ class TestDistributions:
     ("changes", "word"),
     [
         ({"runz": 3}, "runz"),
-        ({"vary": {"start": {"settings": ["plant.initial.0"]}}}, "uniform"),
-        ({"vary": {"start": {"settings": ["plant.initial.7"], "uniform": [0.0, 1.0]}}}, "plant.initial.7"),
-        ({"vary": {"start": {"settings": ["plant.mass"], "uniform": [0.0, 1.0]}}}, "plant.mass"),
-        ({"vary": {"step": {"settings": ["dt_s"], "uniform": [0.01, 5.0]}}}, "dt_s"),
-        (
-            {"vary": {"kind": {"settings": ["plant.kind"], "times": True, "uniform": [0.0, 1.0]}}},
-            "plant.kind",
-        ),
+        (varied("plant.initial.0"), "uniform"),
+        (varied("plant.initial.7", uniform=[0.0, 1.0]), "plant.initial.7"),
+        (varied("plant.mass", uniform=[0.0, 1.0]), "plant.mass"),
+        (varied("dt_s", uniform=[0.01, 5.0]), "dt_s"),
+        (varied("plant.kind", times=True, uniform=[0.0, 1.0]), "plant.kind"),
+        (varied("plant.initial.0", grid=[0, "far", 1, 2, 3]), "plant.initial.0"),
         ({"cases": {"light": {"scenario": "no_such"}}}, "no_such"),
         ({"metrics": ["outputs.place.rmse", "beauty"]}, "beauty"),
         ({"success": {"beauty": {"at_most": 1.0}}}, "beauty"),
         ({"success": {"reason": {"at_most": 1.0}}, "metrics": ["reason"]}, "reason"),
         ({"sampler": "sobol", "cases": {"light": {"scenario": "x", "runs": 2}}}, "sobol"),
-        ({"sampler": "sobol", "vary": {"start": {"settings": ["plant.initial.0"], "grid": [0, 1]}}}, "grid"),
-        (
-            {"vary": {"start": {"settings": ["plant.initial.0"], "grid": [0, "far", 1, 2, 3]}}},
-            "plant.initial.0",
-        ),
+        (varied("plant.initial.0", grid=[0, 1]) | {"sampler": "sobol"}, "grid"),
     ],
 )
 def test_a_bad_study_is_refused_before_anything_starts(
@@ -187,24 +186,20 @@ class TestRuns:
     def test_a_study_is_resumed_reported_and_shown(self, tmp_path: Path) -> None:
         out = tmp_path / "out"
         flown("run", study_file(tmp_path, runs=2), "--out", out)
-        first, path = rows(out), study_file(tmp_path)
-        flown("run", path, "--out", out)
+        first = rows(out)
+        flown("run", study_file(tmp_path), "--out", out)
         found = rows(out)
         assert list(found) == list(range(12))
         assert first.items() <= found.items()
         report = (out / "report.md").read_text(encoding="utf-8")
-        pairs = [
-            (json.loads(row[1])["start"], json.loads(row[3])["outputs.place.rmse"]) for row in found.values()
-        ]
+        samples = ((json.loads(row[1]), json.loads(row[3])) for row in found.values())
+        pairs = [(sample["start"], kept["outputs.place.rmse"]) for sample, kept in samples]
         correlation = spearmanr(*zip(*pairs[::2], strict=True)).statistic
         for words in ("| light | 6 |", "| heavy | 6 |", f"| light | start | {correlation:.2f} |"):
             assert words in report
         assert imread(out / "maps.png").shape[1] > 600
-        with (out / "runs.csv").open(encoding="utf-8") as file:
-            table = list(csv.DictReader(file))
-        assert [float(row["start"]) for row in table] == [
-            json.loads(row[1])["start"] for row in found.values()
-        ]
+        table = csv.DictReader((out / "runs.csv").read_text(encoding="utf-8").splitlines())
+        assert [float(row["start"]) for row in table] == [start for start, _ in pairs]
 
         result = flown("run", study_file(tmp_path, seed=6), "--out", out, exit_code=2)
         assert "ledger" in result.stderr
@@ -234,13 +229,12 @@ class TestRuns:
             tmp_path,
             runs=20,
             set={"disturbances": [{"kind": "own_trap:Trap", "above": 0.0}]},
-            vary={"trap": {"settings": ["disturbances.0.above"], "uniform": [0.0, 1.0]}},
+            **varied("disturbances.0.above", uniform=[0.0, 1.0]),
         )
         flown("run", path, "--out", tmp_path, exit_code=1)
         failed = {number: row for number, row in rows(tmp_path).items() if row[2] == "failed"}
-        assert all(
-            json.loads(row[1])["trap"] > 0.8 and "the trap is shut" in row[4] for row in failed.values()
-        )
+        assert all(json.loads(row[1])["start"] > 0.8 for row in failed.values())
+        assert all("the trap is shut" in row[4] for row in failed.values())
         assert 0 < len(failed) < 20
         connection = sqlite3.connect(tmp_path / "ledger.sqlite")
         (trace,) = connection.execute("select trace from runs where outcome = 'failed'").fetchone()
