@@ -69,11 +69,6 @@ def test_utc_and_the_regulator_steer_the_ship():
     assert all(row.plant in tables(rows) for row in rows)
 
 
-def test_a_flight_is_the_same_again():
-    one, two = (fly("late", SUBJECTS["utc"], SUBJECTS["utc"].start, TASKS["late"].tuned_on) for _ in range(2))
-    np.testing.assert_array_equal(one.controls, two.controls)
-
-
 def test_the_predictive_controller_holds_the_limits_of_the_ship():
     pytest.importorskip("casadi", reason="the tool chains are an extra: pip install '.[bench]'")
     values = SUBJECTS["mpc"].start | {"horizon": 8.0, "change_cost": 1e-4, "lead": 5.0}

@@ -2,6 +2,7 @@
 """The report: every run has one, it is small, opens offline, plays, and nothing in a run becomes HTML or script."""
 
 import base64
+import dataclasses
 import json
 import re
 import time
@@ -43,14 +44,13 @@ def turning(duration_s: float = 4.0, dt_s: float = 0.05, **fields: Any) -> Run:
     run = run_of(np.linspace(80.0, 120.0, scenario.steps + 1), scenario=scenario)
     angle = 1.75 * run.time_s
     run.states[:, 5], run.states[:, 6] = np.sin(angle / 2), np.cos(angle / 2)
-    names = ("std_alpha", "repaired_covariance", "recovery")
-    telemetry = np.column_stack(
-        [np.full(scenario.steps, 0.1), np.sin(run.time_s[:-1]) ** 2, 0 * run.time_s[:-1]]
+    t = run.time_s[:-1]
+    return dataclasses.replace(
+        run,
+        telemetry=np.column_stack([np.full_like(t, 0.1), np.sin(t) ** 2, 0 * t]),
+        telemetry_names=("std_alpha", "repaired_covariance", "recovery"),
+        **fields,
     )
-    return run_of(
-        np.linspace(80.0, 120.0, scenario.steps + 1), scenario=scenario, states=run.states, telemetry=telemetry,
-        telemetry_names=names, **fields,
-    )  # fmt: skip
 
 
 def titles(text: str) -> set[str]:
