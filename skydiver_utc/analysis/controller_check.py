@@ -89,7 +89,8 @@ def check(recording: RecordedRun, instead: Callable[[Scenario], Scenario] = lamb
     ahead = max(stretch.decider.controller.preview_steps for stretch in stretches)
     reference, added = _reference(recording, run, ahead)
     controls = len(run.plant.control_names)
-    commands = decide_at(stretches, run.first_step, recording.given(run), controls, reference)
+    given = recording.estimates(run) if run.scenario.has_estimator else run.states[:-1]
+    commands = decide_at(stretches, run.first_step, given, controls, reference)
     revised, different = recording.reference_revised, _different_estimates(recording, run, instead)
     return Check(run, commands, added, recording.in_real_time, revised, different, hole_at_step)
 

@@ -159,10 +159,6 @@ class RecordedRun:
             return rows.values
         return np.where(rows.present[:, np.newaxis], rows.values, self.previews(len(rows.values)))
 
-    def given(self, run: Run) -> Array:
-        """What the controller decides on from the run's first step on: the states or estimates (K, n)."""
-        return self.estimates(run) if self.scenario.has_estimator else run.states[:-1]
-
     def estimates(self, run: Run) -> Array:
         """The estimates (K, n) of the run; a step without one has that of the step before."""
         rows = self._steps.rows("estimate", len(self.plant.state_names), self._state).held()

@@ -29,9 +29,8 @@ def paper(out: Path | None, quick: bool, workers: int, as_json: bool, quiet: boo
 
     FOLDER receives paper.md, details.md, results.json and the figures. Takes some twenty minutes.
     """
-    from skydiver_utc.studies.checklist import checklist
     from skydiver_utc.studies.paper_files import write_comparison
-    from skydiver_utc.studies.paper_page import page
+    from skydiver_utc.studies.paper_page import checklist, page
     from skydiver_utc.studies.paper_results import flights, run_comparison
 
     prepare_folder(out)

@@ -12,7 +12,6 @@ from skydiver_utc.studies.paper_results import PaperResults
 
 _BAR_WITHOUT_COUPLING = 15.0  # RMSE [deg/s]
 _NEAR_BEST = 1.5  # times the best RMSE of a sweep
-_SWEPT = ("alpha unknown", "alpha modelled")  # flown.SWEPT in words
 
 
 def of_tuning(results: PaperResults) -> Iterator[Claim]:
@@ -83,7 +82,7 @@ def _p_err(results: PaperResults) -> Claim:
     ends = "; ".join(
         f"{name}: RMSE {figure(row[0].rmse)} to {figure(row[-1].rmse)}, effort {row[0].effort:.2f} to"
         f" {row[-1].effort:.2f}"
-        for name, row in zip(_SWEPT, found, strict=True)
+        for name, row in zip(flown.SWEPT.values(), found, strict=True)
     )
     return decided(
         "P_err is the trade-off between accuracy and control effort",
@@ -103,7 +102,7 @@ def _chosen_by_tuning(
     results: PaperResults, words: str, sweep: flown.Sweep, chosen: tuple[float, float], why: str
 ) -> Claim:
     texts, near = [], []
-    for scenario, name, value in zip(flown.SWEPT, _SWEPT, chosen, strict=True):
+    for (scenario, name), value in zip(flown.SWEPT.items(), chosen, strict=True):
         rmse = dict(zip(sweep.values, rmse_of(results, sweep.cases(scenario)), strict=True))
         best = min(rmse, key=rmse.__getitem__)
         texts.append(

@@ -64,7 +64,7 @@ class Plan:
         most = max(3, *(len(one.values) for one in self.study.vary.values()))
         middles: dict[str, Future[Flown]] = {}
         for name, scenario in self.scenarios.items():
-            try:
+            with self.study.naming(name):
                 for i in range(most):
                     share = min(max(i / (most - 1), 1e-9), 1.0 - 1e-9)
                     values = {setting: one.at(share) for setting, one in self.study.vary.items()}
@@ -72,12 +72,10 @@ class Plan:
                     found = override(scenario, settings)
                     if i == most // 2:
                         middles[name] = self.submit(pool, name, settings | {"duration_s": found.dt_s})
-            except (ParameterError, ValueError) as error:
-                raise self._of_case(name, error) from error
         for name, future in middles.items():
-            wrong = _error(future)
-            if wrong is not None:
-                raise self._of_case(name, wrong) from wrong
+            with self.study.naming(name):
+                if error := _error(future):
+                    raise error
             metrics = future.result().metrics
             if unknown := set(self.study.metrics) - set(metrics):
                 raise ParameterError(
@@ -86,12 +84,6 @@ class Plan:
                 )
             if texts := [bar for bar in self.study.success if isinstance(metrics[bar], str)]:
                 raise ParameterError(f"study {self.study.name}: success has {texts[0]}, which is no number")
-
-    def _of_case(self, name: str, error: BaseException) -> BaseException:
-        """The error of a case; one that is not of its settings stays as it is."""
-        if not isinstance(error, ParameterError | ValueError):
-            return error
-        return ParameterError(f"{error} (case {name!r} of study {self.study.name})")
 
     def settings(self, number: int) -> dict[str, Any]:
         """Overrides of a run on the scenario of its case."""

@@ -214,7 +214,7 @@ W0 = Sweep("controller.W0", "W0 [1]", (-3.0, -1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 0
 _STEPS = (2, 3, 5, 7, 10, 14, 20, 30, 40)
 HORIZON = Sweep("controller.horizon_steps", "prediction steps N", _STEPS, False)
 SWEEPS = (P_ERR, W0, HORIZON)
-SWEPT = (UNKNOWN, PI)
+SWEPT = {UNKNOWN: "alpha unknown", PI: "alpha modelled"}
 
 
 def all_cases() -> dict[str, Case]:

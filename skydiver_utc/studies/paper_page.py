@@ -5,8 +5,11 @@ from collections import Counter
 
 from skydiver_utc.studies import paper_cases as flown
 from skydiver_utc.studies.cases import Case, Measures, shipped
-from skydiver_utc.studies.checklist import checklist
-from skydiver_utc.studies.claim import Verdict
+from skydiver_utc.studies.claim import Claim, Verdict
+from skydiver_utc.studies.claims_conclusion import of_conclusion
+from skydiver_utc.studies.claims_plant import of_plant
+from skydiver_utc.studies.claims_tracking import of_tracking
+from skydiver_utc.studies.claims_tuning import of_tuning
 from skydiver_utc.studies.markdown import figure, table
 from skydiver_utc.studies.paper_results import QUICK_S, PaperResults
 from skydiver_utc.studies.sensitivity import sensitivity_section
@@ -29,6 +32,11 @@ _MATRICES = {
         flown.LIMBS,
     ),
 }
+
+
+def checklist(results: PaperResults) -> list[Claim]:
+    """Every claim that the paper makes in words, in its order, beside what was measured."""
+    return [*of_plant(results), *of_tracking(results), *of_tuning(results), *of_conclusion(results)]
 
 
 def page(results: PaperResults) -> str:

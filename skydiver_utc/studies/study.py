@@ -3,7 +3,8 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from statistics import NormalDist
 from typing import Annotated, Any, Literal
 
@@ -12,9 +13,32 @@ from typing_extensions import Self
 
 from skydiver_utc.parameters import ParameterError, Parameters, Scenario, load_scenario, quantity, text
 from skydiver_utc.parameters.loading import load_named
-from skydiver_utc.studies.bars import Bar
 
 _MOST = 1_000_000
+
+
+class Bar(Parameters):
+    """Where a measure is wanted: at least, at most, or between two numbers."""
+
+    at_least: Annotated[float, quantity("of the measure", "smallest value wanted")] | None = None
+    at_most: Annotated[float, quantity("of the measure", "largest value wanted")] | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        bars = [bar for bar in (self.at_least, self.at_most) if bar is not None]
+        if not bars:
+            raise ValueError("write at_least, at_most or both")
+        if len(bars) == 2 and bars[0] > bars[1]:
+            raise ValueError(f"at_least ({bars[0]:g}) must not be above at_most ({bars[1]:g})")
+        return self
+
+    def holds(self, value: float | None) -> bool:
+        """Whether a value is there and within the bars."""
+        return (
+            value is not None
+            and (self.at_least is None or value >= self.at_least)
+            and (self.at_most is None or value <= self.at_most)
+        )
 
 
 class Variation(Parameters):
@@ -113,11 +137,17 @@ class Study(Parameters):
         """The scenario of each case. Raises `ParameterError`."""
         found = {}
         for name, case in self.cases.items():
-            try:
+            with self.naming(name):
                 found[name] = load_scenario(case.scenario, {**self.set, **case.set})
-            except ParameterError as error:
-                raise ParameterError(f"{error} (case {name!r} of study {self.name})") from error
         return found
+
+    @contextmanager
+    def naming(self, case: str) -> Iterator[None]:
+        """An error of settings names this case, too."""
+        try:
+            yield
+        except (ParameterError, ValueError) as error:
+            raise ParameterError(f"{error} (case {case!r} of study {self.name})") from error
 
     def digest(self, scenarios: Mapping[str, Scenario]) -> str:
         """Digest of all that decides what a run with a number is; more runs of the same study keep it."""

@@ -14,12 +14,12 @@ from skydiver_utc.analysis.labels import label_of
 from skydiver_utc.analysis.study_figures import ErrorMap, error_maps
 from skydiver_utc.analysis.style import png
 from skydiver_utc.parameters.files import write_file
-from skydiver_utc.studies.bars import Bar
 from skydiver_utc.studies.design import own_value, problem, salib
 from skydiver_utc.studies.flights import Plan
 from skydiver_utc.studies.intervals import median_interval, share_interval
 from skydiver_utc.studies.ledger import FAILED, Row
 from skydiver_utc.studies.markdown import figure, percent, table
+from skydiver_utc.studies.study import Bar
 
 REPORT, FIGURE = "report.md", "maps.png"
 _MOST_FAILURES = 20

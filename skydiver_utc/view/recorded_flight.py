@@ -18,8 +18,8 @@ class RecordedFlight:
     """
 
     def __init__(self, run: Run, name: str) -> None:
-        present = np.flatnonzero(np.isfinite(run.states).all(axis=1))
-        if not (len(present) and len(run.commands)):
+        self._present = np.flatnonzero(np.isfinite(run.states).all(axis=1))
+        if not (len(self._present) and len(run.commands)):
             raise ParameterError(f"{name} has no step to show: {run.reason or 'no state was recorded'}")
         self.name, self.plant, self.tracked = name, run.plant, run.tracked_names
         self.begins_s, self.ends_s, self.ended = float(run.time_s[0]), float(run.time_s[-1]), ""
@@ -28,7 +28,7 @@ class RecordedFlight:
         self._wind = np.nan_to_num(run.disturbance[:, columns]) if columns else np.zeros((len(run.states), 3))
         self.signals = Signals(run.plant, run.tracked_names, run.telemetry_names)
         every = max(1, len(run.commands) // _MOST_ROWS)
-        self._rows = np.array([self.signals.row(self._at(i)) for i in present[::every]])
+        self._rows = np.array([self.signals.row(self._at(i)) for i in self._present[::every]])
 
     def advance(self, seconds: float) -> None:
         """Play on, up to the end."""
@@ -41,8 +41,9 @@ class RecordedFlight:
 
     def now(self) -> Instant:
         """The instant of the newest recorded state until now."""
-        present = np.flatnonzero(np.isfinite(self._run.states[: self._row + 1]).all(axis=1))
-        return self._at(int(present[-1]) if len(present) else self._row)
+        row = round((self._time_s - self.begins_s) / self._run.scenario.dt_s)
+        until = self._present[self._present <= row]
+        return self._at(int(until[-1]) if len(until) else row)
 
     def history(self) -> Array:
         """Rows of the signals (R, columns) until now."""
@@ -51,10 +52,6 @@ class RecordedFlight:
     def look_ahead(self, seconds: float = 0.0) -> tuple[Array, Array]:
         """Nothing, S = 0: a recording has no controller."""
         return np.empty((0, 1, len(self.plant.state_names))), np.empty((0, len(self.plant.initial_applied())))
-
-    @property
-    def _row(self) -> int:
-        return round((self._time_s - self.begins_s) / self._run.scenario.dt_s)
 
     def _at(self, i: int) -> Instant:
         """The instant of a row; the last state has the control of the step before."""

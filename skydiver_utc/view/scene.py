@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # it is imported only where a body is shown
 Colour = tuple[int, int, int]
 
 # Left and right show which way a body turns.
-LEFT, RIGHT, MIDDLE = rgb(BLUE), rgb(ORANGE), (150, 158, 166)
+_SIDES, _MIDDLE = {"left": rgb(BLUE), "right": rgb(ORANGE)}, (150, 158, 166)
 RUNS: tuple[Colour, ...] = (rgb(BLUE), rgb(VERMILLION), rgb(GREEN), rgb(PURPLE))
 _POINTS = 24  # of the unit sphere around its equator
 
@@ -57,6 +57,7 @@ class PlantShapes:
     ) -> None:
         vertices, faces = _sphere()
         count = len(plant.shapes)
+        sides = [_SIDES.get(shape.name.partition("_")[0], _MIDDLE) for shape in plant.shapes]
         self.mesh = scene.add_batched_meshes_simple(
             name,
             vertices,
@@ -64,7 +65,7 @@ class PlantShapes:
             np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
             np.zeros((count, 3)),
             batched_scales=np.array([shape.half_axes for shape in plant.shapes]),
-            batched_colors=as_light([colour or colour_of(shape.name) for shape in plant.shapes]),
+            batched_colors=as_light([colour or side for side in sides]),
             opacity=None if opacity == 1.0 else opacity,
             lod="off",
         )
@@ -73,11 +74,6 @@ class PlantShapes:
         """Draw the shapes at poses (S, 7) of the world, as `Plant.shape_poses` gives them, seen from an origin (3,)."""
         self.mesh.batched_positions = (poses[:, :3] - origin).astype(np.float32)
         self.mesh.batched_wxyzs = poses[:, [6, 3, 4, 5]].astype(np.float32)
-
-
-def colour_of(name: str) -> Colour:
-    """The colour of a shape by its name."""
-    return {"left": LEFT, "right": RIGHT}.get(name.partition("_")[0], MIDDLE)
 
 
 def as_light(colours: Sequence[Colour]) -> NDArray[np.uint8]:

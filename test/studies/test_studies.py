@@ -22,12 +22,11 @@ from skydiver_utc.parameters import load_scenario
 from skydiver_utc.studies import paper_cases as flown
 from skydiver_utc.studies import paper_results
 from skydiver_utc.studies.cases import case, measure, run_all
-from skydiver_utc.studies.checklist import checklist
 from skydiver_utc.studies.claim import Claim, Verdict
 from skydiver_utc.studies.claims_theory import mean_square
 from skydiver_utc.studies.linear_theory import of_linear_plant, report
 from skydiver_utc.studies.markdown import figure
-from skydiver_utc.studies.paper_page import details, page
+from skydiver_utc.studies.paper_page import checklist, details, page
 from skydiver_utc.studies.paper_results import (
     HandPush,
     PaperResults,

@@ -16,10 +16,10 @@ from skydiver_utc.parameters import ParameterError, Parameters, Scenario, Skydiv
 from skydiver_utc.plants.skydiver.model import build_model
 from skydiver_utc.plants.skydiver.steady import HeldBody, falling_straight
 from skydiver_utc.plants.skydiver.yaw import steady_yaw_rates
-from skydiver_utc.studies.bars import Bar
 from skydiver_utc.studies.calibration.candidate import build_candidate, skydiver_of
 from skydiver_utc.studies.calibration.settings import Calibration, StaticTarget
 from skydiver_utc.studies.cases import measure
+from skydiver_utc.studies.study import Bar
 
 # A target that is met by this margin, in the logarithm of value / bar, costs next to nothing.
 _MARGIN = 0.1

@@ -13,8 +13,6 @@ from skydiver_utc.studies.calibration.candidate import build_candidate, numbers_
 from skydiver_utc.studies.calibration.evaluation import Evaluation, labels
 from skydiver_utc.studies.calibration.settings import Calibration
 
-SKYDIVER = "skydiver.yaml"
-
 
 def write_skydiver(
     folder: Path, calibration: Calibration, start: Scenario, best: Evaluation, command: str
@@ -35,7 +33,7 @@ def write_skydiver(
     before = numbers_of(calibration, start)
     changes = [f"#   {name}: {value:g}, was {before[name]:g}" for name, value in best.numbers.items()]
     head = [f"# Calibrated by {command}: {met}.", *changes]
-    path = folder / SKYDIVER
+    path = folder / "skydiver.yaml"
     write_file(path, "\n".join(head) + "\n" + write_yaml(block))
     return path
 

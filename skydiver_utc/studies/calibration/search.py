@@ -19,8 +19,6 @@ from skydiver_utc.studies.calibration.evaluation import Evaluation, evaluate
 from skydiver_utc.studies.calibration.settings import Calibration
 from skydiver_utc.studies.ledger import FILE, Row, ledger
 
-Tried = Callable[[list[Evaluation]], None]
-
 # First standard deviation, as a share of the distance of the bounds.
 _FIRST_STEP = 0.15
 # Of a number that is tried, as it is written into the files.
@@ -28,7 +26,12 @@ _DIGITS = 5
 
 
 def search(
-    calibration: Calibration, start: Scenario, seed: int, evaluations: int, folder: Path, tried: Tried
+    calibration: Calibration,
+    start: Scenario,
+    seed: int,
+    evaluations: int,
+    folder: Path,
+    tried: Callable[[list[Evaluation]], None],
 ) -> list[Evaluation]:
     """Try skydivers until all targets are met or so many have been tried; the ledger in the folder is continued.
 

@@ -10,8 +10,8 @@ from skydiver_utc.errors import hint
 from skydiver_utc.parameters import Parameters, quantity, text
 from skydiver_utc.parameters.body import PatternAngle, rising
 from skydiver_utc.parameters.loading import load_named
-from skydiver_utc.studies.bars import Bar
 from skydiver_utc.studies.cases import Measures
+from skydiver_utc.studies.study import Bar
 
 # Of `Measures`, those that a number can be wanted of.
 FLIGHT_MEASURES = tuple(
