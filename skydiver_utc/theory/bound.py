@@ -20,12 +20,11 @@ _MOST_TERMS = 1_000_000
 
 
 class Ball(NamedTuple):
-    """radius R: V falls outside; kept: never left from within V <= p_max R^2; summed: never left from rest; P."""
+    """radius R: V falls outside; kept: never left from within V <= p_max R^2; summed: never left from rest."""
 
     radius: float
     kept: float
     summed: float
-    P: Array
 
 
 def ball(Z: Array, D: float) -> Ball:
@@ -37,7 +36,7 @@ def ball(Z: Array, D: float) -> Ball:
     p_min, p_max = float(values[0]), float(values[-1])
     size = float(np.linalg.norm(Z, 2))
     R = D * (size * p_max + np.sqrt(size**2 * p_max**2 + p_max))
-    return Ball(R, R * float(np.sqrt(p_max / p_min)), D * _sum_of_norms(Z), P)
+    return Ball(R, R * float(np.sqrt(p_max / p_min)), D * _sum_of_norms(Z))
 
 
 def _sum_of_norms(Z: Array) -> float:

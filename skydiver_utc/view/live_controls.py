@@ -1,18 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pages of a live flight and of recorded runs: what a user can change on each."""
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+import re
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from skydiver_utc.loop.plant_steps import states_to_push
-from skydiver_utc.parameters import Leaf, ParameterError, leaves
+from skydiver_utc.parameters import Leaf, ParameterError, Scenario, leaves
 from skydiver_utc.view.live_page import Page
-from skydiver_utc.view.live_settings import label, settings_to_change, slider_range
 from skydiver_utc.view.recorded_flight import RecordedFlight
 
 if TYPE_CHECKING:  # nodes are imported only where a page is of a flight over ROS
     from skydiver_utc.view.live_flight import LiveFlight
     from skydiver_utc.view.ros_flight import RosFlight
+
+# A slider reaches so many times the scenario's value, and down to a share of it where the sign may not change.
+_FACTOR, _SHARE = 5.0, 0.01
+# A setting that is zero has a slider over its bounds where these are no further apart.
+_WIDEST = 1000.0
+_STEPS = 200
 
 
 class LivePage(Page):
@@ -106,3 +112,50 @@ class RunsPage(Page):
         if event.client is not None:  # moved by a user, and not by the runs
             time_s = self._time.value
             self.later("time", lambda: self.seek(time_s))
+
+
+class Range(NamedTuple):
+    """Ends and step of a slider."""
+
+    minimum: float
+    maximum: float
+    step: float
+
+
+def settings_to_change(scenario: Scenario) -> Iterator[Leaf]:
+    """The settings of the reference and the controller; a row of numbers as one each, `name.0` and so on."""
+    for leaf in leaves(scenario):
+        if leaf.name.startswith(("reference.", "controller.")):
+            if isinstance(leaf.value, tuple):
+                for i, value in enumerate(leaf.value):
+                    kind = "int" if isinstance(value, int) else "float"
+                    yield leaf._replace(name=f"{leaf.name}.{i}", value=value, kind=kind)  # type: ignore[arg-type]
+            else:
+                yield leaf
+
+
+def slider_range(leaf: Leaf) -> Range | None:
+    """The range of a number's slider, around its value and inside its bounds; None where it needs a field to type in.
+
+    A value that may be negative by its bounds can change its sign; any other stays above a hundredth of itself.
+    """
+    value = float(leaf.value)  # type: ignore[arg-type]
+    low = float("-inf") if leaf.minimum is None else leaf.minimum
+    high = float("inf") if leaf.maximum is None else leaf.maximum
+    if value == 0.0:
+        if high - low > _WIDEST:
+            return None
+    elif value < 0.0 or (leaf.minimum is not None and leaf.minimum < 0.0):
+        low, high = max(low, -_FACTOR * abs(value)), min(high, _FACTOR * abs(value))
+    else:
+        low, high = max(low, _SHARE * value), min(high, _FACTOR * value)
+    if leaf.kind == "int":
+        return Range(int(max(low, min(value, 1.0))), int(high), 1)
+    return Range(low, high, (high - low) / _STEPS)
+
+
+def label(leaf: Leaf) -> str:
+    """Name without the slot, and unit."""
+    name, unit = leaf.name.split(".", 1)[-1], "" if leaf.unit == "1" else leaf.unit
+    name = re.sub(f"_{re.escape(unit.replace('/', '_'))}$", "", name, flags=re.IGNORECASE)
+    return name.replace("_", " ") + (f" [{unit}]" if unit else "")

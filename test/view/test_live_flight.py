@@ -8,8 +8,8 @@ from runs import cart, run_of, skydiver
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.parameters import ParameterError, load_scenario, override
+from skydiver_utc.view.live_controls import label, settings_to_change, slider_range
 from skydiver_utc.view.live_flight import LiveFlight
-from skydiver_utc.view.live_settings import label, settings_to_change, slider_range
 from skydiver_utc.view.recorded_flight import RecordedFlight
 
 
