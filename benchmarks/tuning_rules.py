@@ -10,6 +10,7 @@ import numpy as np
 
 from skydiver_utc import UnscentedTransformController
 from skydiver_utc.arrays import Array
+from skydiver_utc.studies.markdown import percent, table
 
 DT = 0.02
 ORDERS = (1, 2, 3, 4, 5)
@@ -98,37 +99,21 @@ def overshoot_of_slow_actuator(horizon: int, rate: float = 1.0) -> float:
     return float(max(y.max() - 1.0, 0.0))
 
 
-def table(*rows: tuple[str, ...]) -> None:
-    """Print rows, the first one as the header."""
-    for i, row in enumerate(rows):
-        print(f"| {' | '.join(row)} |")
-        if i == 0:
-            print("|---" * len(row) + "|")
-    print()
-
-
-def percent(share: float) -> str:
-    """A share for a table."""
-    return f"{100 * share:.0f} %"
-
-
 def main() -> None:
-    table(
-        ("horizon", "time constant of the error"),
-        *((f"{n * DT:.1f} s", f"{time_constant(n):.2f} s") for n in HORIZONS),
+    horizons = [(f"{n * DT:.1f} s", f"{time_constant(n):.2f} s") for n in HORIZONS]
+    print(table(("horizon", "time constant of the error"), horizons))
+    slow = [(f"{n * DT:.1f} s", percent(overshoot_of_slow_actuator(n))) for n in (*HORIZONS, 25)]
+    print(table(("horizon", "overshoot with a rate limit of 1 /s"), slow))
+    head = (
+        "integrations n from control to y",
+        "overshoot, output y",
+        "overshoot, output (1 + T d/dt)^(n-1) y",
     )
-    table(
-        ("horizon", "overshoot with a rate limit of 1 /s"),
-        *((f"{n * DT:.1f} s", percent(overshoot_of_slow_actuator(n))) for n in (*HORIZONS, 25)),
-    )
-    table(
-        ("integrations n from control to y", "overshoot, output y", "overshoot, output (1 + T d/dt)^(n-1) y"),
-        *((str(n), percent(overshoot(n, False)), percent(overshoot(n, True))) for n in ORDERS),
-    )
-    header = ("B Qu B' / P_err", "share of the innovation taken", "RMSE", "change of the control in a step")
+    print(table(head, [(str(n), *(percent(overshoot(n, rates)) for rates in (False, True))) for n in ORDERS]))
+    head = ("B Qu B' / P_err", "share of the innovation taken", "RMSE", "change of the control in a step")
     rows = [(ratio, gain_of(ratio), *tracking(ratio)[1:]) for ratio in RATIOS]
-    table(
-        header, *((f"{q:g}", f"{gain:.2f}", f"{rmse:.3f}", f"{change:.3f}") for q, gain, rmse, change in rows)
+    print(
+        table(head, [(f"{q:g}", f"{gain:.2f}", f"{rmse:.3f}", f"{move:.3f}") for q, gain, rmse, move in rows])
     )
 
 
