@@ -143,19 +143,14 @@ def _draw_error(axes: "Axes", run: Run, j: int) -> None:
     most = min(max(1.15 * _largest(settled), 1.4 * band, 1e-9), reach(run, j))
     if band > 0.0:
         axes.axhspan(-band, band, color=GREEN, alpha=0.14, linewidth=0.0)
-        axes.text(
-            0.995, 1.03, f"band: 5 % of the amplitude, {short(band)} {scale.unit}", transform=axes.transAxes,
-            ha="right", va="bottom", fontsize=8.0, color="#00694D",
-        )  # fmt: skip
+        words = f"band: 5 % of the amplitude, {short(band)} {scale.unit}"
+        _note(axes, 1.03, words, va="bottom", color="#00694D", bbox=None)
     axes.plot(run.time_s, error, color=VERMILLION, linewidth=1.1)
     axes.set_ylim(-most, most)
     axes.set_ylabel(f"error\n[{scale.unit}]")
     _shade_settling(axes, run)
     if _largest(error) > most:
-        axes.text(
-            0.995, 0.95, f"off the scale: up to {short(_largest(error))} {scale.unit}", transform=axes.transAxes,
-            ha="right", va="top", fontsize=8.0, color=GREY, bbox=PLATE, zorder=5,
-        )  # fmt: skip
+        _note(axes, 0.95, f"off the scale: up to {short(_largest(error))} {scale.unit}", va="top")
 
 
 def _draw_angle(axes: "Axes", run: Run) -> None:
@@ -164,10 +159,7 @@ def _draw_angle(axes: "Axes", run: Run) -> None:
     if isinstance(reference, Rotation) and run.first_step == 0 and not run.holes:
         wanted = reference.angle_deg
         axes.axhline(wanted, color=ORANGE, linewidth=4.5, alpha=0.75)
-        axes.text(
-            0.995, 0.5, f"ends {turned[-1] - wanted:+.1f} deg from the wanted {wanted:g} deg",
-            transform=axes.transAxes, ha="right", va="center", fontsize=8.0, color=GREY, bbox=PLATE, zorder=5,
-        )  # fmt: skip
+        _note(axes, 0.5, f"ends {turned[-1] - wanted:+.1f} deg from the wanted {wanted:g} deg", va="center")
     axes.plot(run.time_s, turned, color=BLUE, linewidth=1.3)
     axes.set_ylabel(f"{'heading' if run.tracked_names == ('yaw_rate',) else 'pitch'}\nturned [deg]")
 
@@ -201,6 +193,11 @@ def _draw_control(axes: "Axes", run: Run, j: int) -> None:
         axes.set_yticks(sorted({lower, upper} | ({0.0} if lower < 0.0 < upper else set())))
         axes.yaxis.set_major_formatter("{x:g}")
     axes.set_ylabel(shown(run.plant, name, degrees=False).label.replace(" [", "\n["), fontsize=8.5)
+
+
+def _note(axes: "Axes", y: float, words: str, **style: Any) -> None:
+    style = {"color": GREY, "bbox": PLATE, "zorder": 5, **style}
+    axes.text(0.995, y, words, transform=axes.transAxes, ha="right", fontsize=8.0, **style)
 
 
 def _shade_settling(axes: "Axes", run: Run) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from skydiver_utc.analysis.estimation import sensor_names
-from skydiver_utc.analysis.numbers import finite
+from skydiver_utc.analysis.numbers import finite, root_mean_square
 from skydiver_utc.arrays import Array, Flags
 from skydiver_utc.controllers.utc.result import UtcResult
 from skydiver_utc.controllers.utc.settings import UtcSettings
@@ -133,7 +133,7 @@ def _of_input(found: Inputs, j: int) -> dict[str, Any]:
     return {
         "seen_share": share,
         "verdict": "seen" if share > 0.9 else "seen at times" if share > 0.1 else "not seen",
-        "rmse": finite(float(np.sqrt(np.mean(np.square(error[seen]))))) if seen.any() else None,
+        "rmse": finite(root_mean_square(error[seen])),
         "inside_two_deviations": float(np.mean(np.abs(error[seen]) <= 2.0 * found.deviation[seen, j]))
         if seen.any()
         else None,

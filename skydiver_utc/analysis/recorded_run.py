@@ -260,23 +260,17 @@ class RecordedRun:
         return tuple(found[key] for key in sorted(found))
 
     def _change(self, message: Any) -> ParameterChange:
-        try:
-            content = json.loads(str(message.data))
-            control = None if content["control"] is None else tuple(map(float, content["control"]))
-            change = ParameterChange(
-                str(content["node"]), int(content["step"]), dict(content["parameters"]), control
-            )
-            # Numbers and choices only: the name of a file would be read here.
-            fits = change.of_scenario.keys() <= {leaf.name for leaf in leaves(self.scenario)}
-            fits = fits and all(
-                0 <= number <= self.scenario.steps for number in (change.step, change.delay_steps)
-            )
-            if fits:
-                override(self.scenario, change.of_scenario)
-        except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
-            raise MessageError("change", f"it is no change of this run ({error})") from error
+        content = json.loads(str(message.data))
+        control = None if content["control"] is None else tuple(map(float, content["control"]))
+        change = ParameterChange(
+            str(content["node"]), int(content["step"]), dict(content["parameters"]), control
+        )
+        # Numbers and choices only: the name of a file would be read here.
+        fits = change.of_scenario.keys() <= {leaf.name for leaf in leaves(self.scenario)}
+        fits &= all(0 <= number <= self.scenario.steps for number in (change.step, change.delay_steps))
         if not fits or (control is not None and len(control) != len(self.plant.control_names)):
             raise MessageError("change", "it is no change of this run")
+        override(self.scenario, change.of_scenario)
         return change
 
     def _refuse_none(self, name: str, rows: Rows) -> None:

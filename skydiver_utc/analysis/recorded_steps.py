@@ -56,7 +56,8 @@ class RecordedSteps:
             try:
                 if message is not None:  # bytes that cannot be decoded
                     found.append(read(message))
-            except (ValueError, AttributeError, TypeError):  # a `MessageError`, or a type with other fields
+            # A `MessageError`, a type with other fields, or a text that is none of ours.
+            except (ValueError, AttributeError, TypeError, KeyError, OverflowError, RecursionError):
                 continue
         self.ignored[name] = len(messages) - len(found) + (topic.left_out if topic else 0)
         return found
