@@ -61,14 +61,10 @@ def estimation_errors(run: Run) -> dict[str, tuple[Array, Array]]:
 
 
 def estimation_metrics(run: Run) -> dict[str, Any]:
-    """Metrics of an estimator that has sensors, none of another.
+    """Metrics of an estimator that has sensors, none of another; see docs/estimators.md.
 
-    estimation.sensors
-        for each sensor: measurements taken in, mean NIS with its 95 % bounds, largest correlation of an innovation
-        with the next one with its 95 % bound, and the verdict, see `skydiver_utc.estimators.consistency`.
-    estimation.states
-        for each state: RMSE of the estimate in the state's unit (an attitude about body axes in rad), and the share of
-        the errors inside two estimated deviations: 0.95 if the filter is right.
+    The RMSE of a state is in its unit, of an attitude about body axes in rad; of errors of a filter that is right 0.95
+    lie inside two of its deviations.
     """
     sensors = {
         name: {

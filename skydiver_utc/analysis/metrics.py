@@ -21,39 +21,16 @@ CONVERGED_SHARE = 0.05
 
 @np.errstate(over="ignore", invalid="ignore")  # of a run that diverges: a figure that overflows is None
 def metrics(run: Run) -> dict[str, Any]:
-    """Metrics of a run, in the order in which they are printed; an undefined one is None.
+    """Metrics of a run, in the order in which they are printed; an undefined one is None. docs/report.md lists them.
 
-    outputs
-        for each output that the reference is for, in its own unit: RMSE, largest absolute error and largest
-        absolute value over the states from 2 s on (None for a shorter or a diverged run), and the convergence
-        time: the first time from which on the error stays within 5 % of the reference's amplitude to the end.
-        No convergence time where the error ends outside, the amplitude is zero or the run was not flown to its
-        end; a time shortly before the end may be chance. Where a recording begins is the latest that the time
-        can be.
-    rmse_deg_s, max_abs_error_deg_s
-        the same of the first tracked output in rad/s, None without one.
-    convergence_time_s
-        the latest of the outputs whose reference has an amplitude, None if one does not converge.
-    control_effort
-        mean over the steps of sum_j ((u_j - u_j(0)) / (max_j - min_j))^2, u the applied control, u(0) the
-        plant's initial control; over the controls with limits on both sides.
-    solve_time_us
-        median and 99th percentile of one controller call.
-    status_steps
-        steps with each status of the controller, see `skydiver_utc.controllers.protocol.Status`.
-    diverged_points
-        steps in which sigma points diverged, and the largest number in one of them.
-    missing_steps, begins_at_s
-        steps that a recording lacks before its first one, and the time of that; 0 for a whole run.
-    holes_s
-        of each stretch of steps that a recording lacks within: the first of them, and the first that is there again;
-        figures are of the others.
-    parameter_changes
-        node, step, time and parameters of each change during the run. The band of convergence and the effort's
-        range are those of the scenario at the start.
-
-    A skydiver has further ones, see `skydiver_utc.analysis.skydiver`, and an estimator with sensors `estimation`, see
-    `skydiver_utc.analysis.estimation`.
+    outputs: of each tracked output in its own unit, over the states from 2 s on; None for a shorter or a diverged run
+    convergence_time_s: None where the error ends outside its band, which is 5 % of the reference's amplitude, where the
+        amplitude is zero, or where the run was not flown to its end; of all outputs the latest
+    control_effort: mean over the steps of sum_j ((u_j - u_j(0)) / (max_j - min_j))^2, u the applied control, u(0) the
+        plant's initial one; over the controls with limits on both sides
+    diverged_points: steps in which sigma points diverged, and the largest number in one of them
+    holes_s: of each stretch of steps that a recording lacks, the first of them, and the first that is there again
+    parameter_changes: the band of convergence and the effort's range are those of the scenario at the start
     """
     outputs = (
         {name: _of_output(run, j) for j, name in enumerate(run.tracked_names)} if run.tracks_outputs else {}

@@ -38,15 +38,12 @@ Topics = Mapping[str, RecordedTopic]
 
 
 def read_run(path: Path | str) -> Run:
-    """The run that a run folder, a bag folder or an .mcap file holds.
+    """The run that a run folder, a bag folder or an .mcap file holds, from the first complete step to the last one.
 
-    Nothing but the bag is read. A run that ended early has the steps up to its last complete one; a bag without
-    an outcome gives outcome aborted and an unknown (NaN) wall time. A recorder that was started during the run
-    gives the steps from the first complete one on (`Run.first_step`). Steps missing in between are NaN
-    (`Run.holes`). A run without a step raises `AnalysisError`, a path that is no bag `RecordingError`. Steps of the
-    reference that are not recorded are those of the recorded scenario (`RecordedRun.reference_added`). Messages that
-    cannot be used are left out (`RecordedRun.ignored`). Telemetry is optional: a step without it is NaN. In real time
-    a step without a command has the one before.
+    Steps missing in between are NaN (`Run.holes`), as are telemetry and wall time that are not recorded; without an
+    outcome it is aborted; in real time a step without a command has the one before. A run without a step raises
+    `AnalysisError`, a path that is no bag `RecordingError`. The scenario's own reference stands where none is recorded
+    (`RecordedRun.reference_added`), and messages that cannot be used are left out (`RecordedRun.ignored`).
     """
     return RecordedRun(Path(path)).run()
 

@@ -26,20 +26,10 @@ _FACING = math.sqrt(0.5)
 
 
 def skydiver_metrics(run: Run) -> dict[str, Any]:
-    """Metrics of a skydiver's run, none of any other plant's.
+    """Metrics of a skydiver's run, none of any other plant's; docs/report.md lists them.
 
-    peak_yaw_rate_deg_s
-        over the states from 2 s on; None for a shorter or a diverged run.
-    rmse_rotating_deg_s, angle_error_deg, overshoot_deg
-        of a reference that rotates by an angle: RMSE from its start to its end, angle turned at the end of the
-        run less the angle wanted, and how far the angle turned ever went beyond it. None for other references
-        and for a run that ends before the rotation; the angles also for a recording that lacks the beginning
-        or steps within, the RMSE for one that lacks some of the rotation.
-    facing, facing_since_s
-        which side faces the earth at the end ("neither" is one), and since when the dorsal axis has stayed
-        within 45 deg of the vertical for that, at the latest where the recording begins.
-    min_dorsal_axis
-        lowest height of the dorsal axis: 1 belly to earth, 0 on the side, -1 on the back.
+    Those of a rotation are None for other references and for a run that ends before the rotation; the angles also for a
+    recording that lacks the beginning, the RMSE for one that lacks some of the rotation.
     """
     if not isinstance(run.plant, SkydiverPlant):
         return {}
