@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The gain that UTC settles to on a linear plant: the fixed point of its covariance recursion.
+"""The gain that UTC settles to on a linear plant: the fixed point of its covariance recursion (docs/theory.md).
 
     K = Pu H' (H Pu H' + P_err)^-1,    Pu+ = Pu - K H Pu + Qu
 
-Only the part of Pu that the output sees has a fixed point. With the columns of V an orthonormal basis of the rows
-of H, P = V' Pu V solves the discrete algebraic Riccati equation of (I, V'H', V'Qu V, P_err); what the output does
-not see grows by the Schur complement of Qu each step, and the gain settles all the same.
+Only the part of Pu that the output sees has a fixed point; the gain settles all the same.
 """
 
 from typing import NamedTuple

@@ -7,10 +7,14 @@ from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 from scipy.signal import cont2discrete
 
 from skydiver_utc.plants.linear import LinearModel, zero_order_hold
-from skydiver_utc.theory.bound import ball
 from skydiver_utc.theory.linear_plant import to_the_horizon
-from skydiver_utc.theory.riccati import output_riccati, riccati_terms
-from skydiver_utc.theory.stability import apart_from_rest, closed_loop_matrix
+from skydiver_utc.theory.stability import (
+    apart_from_rest,
+    ball,
+    closed_loop_matrix,
+    output_riccati,
+    riccati_terms,
+)
 from skydiver_utc.theory.steady_gain import gain, steady_gain
 
 SHAPES = [(3, 2, 2), (3, 2, 3), (4, 1, 1), (3, 4, 2), (5, 3, 1)]  # n, m, l
