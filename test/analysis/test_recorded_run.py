@@ -5,6 +5,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
@@ -50,20 +51,14 @@ def a_run(**fields: object) -> Run:
 
 
 @pytest.fixture
-def bag(tmp_path: Path) -> Write:
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Write:
     """Writes a run's bag, after some edits one after the other."""
-    made = 0
 
     def write(run: Run, *edits: Edit, **options: object) -> Path:
-        nonlocal made
-        made += 1
-
         def edit(messages: list[Message]) -> list[Message]:
-            for each in edits:
-                messages = each(messages)
-            return messages
+            return reduce(lambda edited, each: each(edited), edits, messages)
 
-        return write_run(tmp_path / f"bag_{made}", run, edit, **options)  # type: ignore[arg-type]
+        return write_run(tmp_path_factory.mktemp("bag") / "run", run, edit, **options)  # type: ignore[arg-type]
 
     return write
 

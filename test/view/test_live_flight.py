@@ -110,16 +110,13 @@ def test_a_plant_without_a_wind_has_no_gust_and_other_controllers_predict_their_
     assert np.isfinite(states).all()
 
 
-def test_a_recording_has_the_wind_that_is_in_it():
+def test_a_recording_has_the_wind_that_is_in_it_and_needs_a_step():
     wind = np.zeros((81, 3))
     wind[40:, 1] = 7.0
     run = run_of(scenario=skydiver(), disturbance=wind, disturbance_names=("wind_x", "wind_y", "wind_z"))
     flight = RecordedFlight(run, "anna")
     flight.seek(run.time_s[50])
     assert flight.now().wind.tolist() == [0.0, 7.0, 0.0]
-
-
-def test_a_recording_without_a_step_is_refused():
     with pytest.raises(ParameterError, match="anna"):
         RecordedFlight(run_of(steps=0, outcome=Outcome.NO_COMMAND), "anna")
 
