@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A claim of the paper, and how it is decided."""
 
-import math
 from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
 
-from skydiver_utc.loop.build import build_reference
 from skydiver_utc.studies.cases import Case, shipped
 from skydiver_utc.studies.markdown import figure
 from skydiver_utc.studies.paper_results import PaperResults
@@ -42,7 +40,7 @@ def decided(
 
 def amplitude(one: Case) -> float:
     """Largest yaw rate wanted [deg/s]."""
-    return math.degrees(float(build_reference(shipped(one.scenario)).amplitude[0]))
+    return float(shipped(one.scenario).reference.amplitude_deg_s)
 
 
 def rmse_of(results: PaperResults, cases: Sequence[Case]) -> list[float]:

@@ -38,7 +38,7 @@ class Flown(NamedTuple):
     @classmethod
     def of(cls, run: Run, began: float = 0.0) -> "Flown":
         """The end of a run that began at this CPU time."""
-        found = {name: value for name, value in _flat(metrics(run)) if not name.startswith(_CLOCKS)}
+        found = {name: value for name, value in flat(metrics(run)) if not name.startswith(_CLOCKS)}
         return cls(run.outcome.value, found, str(found["reason"]), time.thread_time() - began)
 
 
@@ -137,11 +137,11 @@ def fly(scenario: str, settings: Mapping[str, Any]) -> Flown:
 _scenario = lru_cache(maxsize=64)(from_yaml)
 
 
-def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
+def flat(content: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
     """Values that are no blocks or lists, by their dotted names."""
     for name, value in content.items():
         if isinstance(value, Mapping):
-            yield from _flat(value, f"{prefix}{name}.")
+            yield from flat(value, f"{prefix}{name}.")
         elif not isinstance(value, list):
             yield prefix + name, value
 
