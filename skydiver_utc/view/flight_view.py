@@ -10,7 +10,7 @@ import numpy as np
 from skydiver_utc.analysis.style import GREEN, PINK, SKY, VERMILLION, rgb
 from skydiver_utc.arrays import Array
 from skydiver_utc.plants.protocol import FORCE_M_PER_N
-from skydiver_utc.view.charts import Ahead, Charts, Instant
+from skydiver_utc.view.charts import Chart, Instant, add_chart, chart_data
 from skydiver_utc.view.scene import PlantShapes, as_light
 
 if (
@@ -45,7 +45,7 @@ class FlightView:
         self.flight, self._options = flight, options
         self._place, self._follows = place, flight.plant.state_message == "odometry"
         self._path: deque[tuple[float, Array]] = deque()
-        self._charts: Charts | None = None
+        self._charts: list[tuple[Chart, Any]] = []
         self._server = server
         scene, nothing, arrows = server.scene, np.zeros((0, 2, 3)), as_light([_FORCE, _WIND])
         self._body = self._ghost = None
@@ -63,7 +63,9 @@ class FlightView:
 
     def add_charts(self, span: tuple[float, float] | None = None) -> None:
         """Add the charts to the part of the page that is open."""
-        self._charts = Charts(self._server.gui, self.flight.signals, span)
+        self._charts = [
+            (chart, add_chart(self._server.gui, chart, span)) for chart in self.flight.signals.charts()
+        ]
 
     def show(self) -> Instant:
         """Draw the present instant, but for charts and ghost."""
@@ -88,14 +90,17 @@ class FlightView:
     def show_ahead(self) -> None:
         """Draw the charts, and the ghost with the spread of the sigma points."""
         states, applied = self.flight.look_ahead(self._options["ahead"])
-        ahead = None
-        if len(states) and np.isfinite(states[0]).all():
-            dt_s, begins_s = self.flight.plant.dt_s, self.flight.now().time_s
-            time_s: Array = begins_s + dt_s * np.arange(states.shape[1], dtype=np.float64)
-            ahead = Ahead(time_s, self.flight.signals.outputs(states))
         self._draw_ghost(states, applied)
-        if self._charts is not None:
-            self._charts.show(self.flight.history(), ahead)
+        rows = self.flight.history()
+        if len(rows) < 2:
+            return
+        time_s, outputs = rows[-1:, 0], np.empty((0, 1, 1))
+        if len(states) and np.isfinite(states[0]).all():
+            outputs = self.flight.signals.outputs(states)
+            ahead_s: Array = self.flight.plant.dt_s * np.arange(states.shape[1], dtype=np.float64)
+            time_s = self.flight.now().time_s + ahead_s
+        for chart, handle in self._charts:
+            handle.data = chart_data(chart, rows, time_s, outputs)
 
     def _draw_ghost(self, states: Array, applied: Array) -> None:
         """The shapes at the end of predicted states (S, J + 1, n): a ghost, and points under the sigma points.
