@@ -56,12 +56,6 @@ class Check:
         """True when every command and every estimate is the recorded one, bit for bit."""
         return not (self.differs.any() or self.different_estimates)
 
-    @property
-    def first_difference(self) -> tuple[int, int] | None:
-        """Row and control of the first difference, None without any."""
-        places = np.argwhere(self.differs)
-        return (int(places[0, 0]), int(places[0, 1])) if len(places) else None
-
 
 def _differing(recorded: Array, computed: Array) -> Flags:
     """True where the bits are not the same."""
@@ -165,8 +159,9 @@ def _reference(recording: RecordedRun, run: Run, ahead: int) -> tuple[Array, int
 
 def report(found: Check) -> dict[str, Any]:
     """The result as plain data, in the order in which it is printed."""
-    run, first = found.run, found.first_difference
-    time_s, names = run.time_s, run.plant.control_names
+    run, time_s, names = found.run, found.run.time_s, found.run.plant.control_names
+    # Row and control.
+    first = next(((int(row), int(j)) for row, j in np.argwhere(found.differs)), None)
     error = found.commands - run.commands
     return {
         "schema_version": SCHEMA_VERSION,

@@ -73,7 +73,7 @@ class RecordedRun:
         if self.in_real_time:
             commands = commands.held()
         applied = self._controls("applied_command")
-        first = max(rows.first or 0 for rows in (states, commands, applied))
+        first = max(rows.first for rows in (states, commands, applied))
         end = self.scenario.steps
         if outcome not in REACHED_THE_END:
             end = max(first, min(states.last, commands.last + 1, applied.last + 1))

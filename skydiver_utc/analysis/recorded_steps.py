@@ -19,14 +19,14 @@ class Rows(NamedTuple):
     present: Flags
 
     @property
-    def first(self) -> int | None:
-        """The first step present, None without any."""
-        return int(np.argmax(self.present)) if self.present.any() else None
+    def first(self) -> int:
+        """The first step present, 0 without any."""
+        return int(np.argmax(self.present))
 
     @property
     def last(self) -> int:
         """The last step present, -1 without any."""
-        return int(np.flatnonzero(self.present)[-1]) if self.present.any() else -1
+        return int(np.max(np.flatnonzero(self.present), initial=-1))
 
     def held(self) -> "Rows":
         """Each step without a value has that of the step before it."""

@@ -3,7 +3,7 @@
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from skydiver_utc.loop.plant_steps import states_to_push
 from skydiver_utc.parameters import Leaf, ParameterError, Scenario, leaves
@@ -114,14 +114,6 @@ class RunsPage(Page):
             self.later("time", lambda: self.seek(time_s))
 
 
-class Range(NamedTuple):
-    """Ends and step of a slider."""
-
-    minimum: float
-    maximum: float
-    step: float
-
-
 def settings_to_change(scenario: Scenario) -> Iterator[Leaf]:
     """The settings of the reference and the controller; a row of numbers as one each, `name.0` and so on."""
     for leaf in leaves(scenario):
@@ -134,8 +126,8 @@ def settings_to_change(scenario: Scenario) -> Iterator[Leaf]:
                 yield leaf
 
 
-def slider_range(leaf: Leaf) -> Range | None:
-    """The range of a number's slider, around its value and inside its bounds; None where it needs a field to type in.
+def slider_range(leaf: Leaf) -> tuple[float, float, float] | None:
+    """Ends and step of a number's slider around its value inside its bounds; None where it needs a field to type in.
 
     A value that may be negative by its bounds can change its sign; any other stays above a hundredth of itself.
     """
@@ -150,8 +142,8 @@ def slider_range(leaf: Leaf) -> Range | None:
     else:
         low, high = max(low, _SHARE * value), min(high, _FACTOR * value)
     if leaf.kind == "int":
-        return Range(int(max(low, min(value, 1.0))), int(high), 1)
-    return Range(low, high, (high - low) / _STEPS)
+        return int(max(low, min(value, 1.0))), int(high), 1
+    return low, high, (high - low) / _STEPS
 
 
 def label(leaf: Leaf) -> str:

@@ -135,9 +135,10 @@ def test_each_number_of_a_setting_has_a_range_that_it_may_take():
     } <= names
     for leaf in leaves:
         if leaf.kind in ("int", "float") and (span := slider_range(leaf)) is not None:
-            assert span.minimum <= leaf.value <= span.maximum, leaf
-            assert leaf.minimum is None or leaf.minimum <= span.minimum, leaf
-            assert leaf.maximum is None or span.maximum <= leaf.maximum, leaf
-            assert span.step > 0, leaf
+            low, high, step = span
+            assert low <= leaf.value <= high, leaf
+            assert leaf.minimum is None or leaf.minimum <= low, leaf
+            assert leaf.maximum is None or high <= leaf.maximum, leaf
+            assert step > 0, leaf
     (amplitude,) = (leaf for leaf in leaves if leaf.name == "reference.amplitude_deg_s")
     assert label(amplitude) == "amplitude [deg/s]"
