@@ -39,8 +39,7 @@ class Inputs:
     """Estimates (T, m) with standard deviations (T, m) at the middles of their horizons, time_s (T,).
 
     applied (T, m): the mean of what was applied over each horizon
-    alone (T, m): the deviation that outputs of one horizon leave of a number anywhere within its limits, whose own is
-        span (m,)
+    seen (T, m): where the outputs of one horizon leave less than half of the deviation that the limits alone leave
     of_estimate: the states were an estimator's, with its noise, and not the true ones
     """
 
@@ -49,14 +48,8 @@ class Inputs:
     estimate: Array
     deviation: Array
     applied: Array
-    alone: Array
-    span: Array
+    seen: Flags
     of_estimate: bool
-
-    @property
-    def seen(self) -> Flags:
-        """True where an input moves the outputs enough for an estimate (T, m)."""
-        return self.alone < SEEN * self.span
 
 
 def estimate_inputs(run: Run) -> Inputs:
@@ -102,7 +95,7 @@ def estimate_inputs(run: Run) -> Inputs:
     sums = np.cumsum(np.vstack([np.zeros(len(span)), run.applied]), axis=0)
     applied = (sums[rows + steps] - sums[rows]) / steps
     time_s = run.time_s[rows] + 0.5 * steps * dt_s
-    return Inputs(run, time_s, estimate, deviation, applied, alone, span, of_estimate)
+    return Inputs(run, time_s, estimate, deviation, applied, alone < SEEN * span, of_estimate)
 
 
 def _of_one_horizon(found: UtcResult, deviations: Array, span: Array) -> Array:
