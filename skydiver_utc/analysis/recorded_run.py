@@ -22,7 +22,6 @@ from skydiver_utc.loop.run import ParameterChange, Run
 from skydiver_utc.messages import (
     MessageError,
     read_fields,
-    read_named,
     read_outcome,
     read_preview,
     read_state,
@@ -69,10 +68,10 @@ class RecordedRun:
         """The same as `read_run`."""
         outcome = Outcome(self._ending.get("outcome", Outcome.ABORTED))
         states = self._steps.rows("state", len(self.plant.state_names), self._state)
-        commands = self._controls("command")
+        commands = self._steps.named("command", self.plant.control_names)
         if self.in_real_time:
             commands = commands.held()
-        applied = self._controls("applied_command")
+        applied = self._steps.named("applied_command", self.plant.control_names)
         first = max(rows.first for rows in (states, commands, applied))
         end = self.scenario.steps
         if outcome not in REACHED_THE_END:
@@ -86,11 +85,8 @@ class RecordedRun:
         names, telemetry = self._telemetry("controller/telemetry", first, end, (_SOLVE_TIME, _STATUS))
         of_estimator, estimated = self._telemetry("estimator/telemetry", first, end, ())
         acting = build_disturbances(self.scenario, self.plant).names
-        acted = self._steps.rows("disturbance", len(acting), lambda message: read_named(message, acting))
-        states_named = self.plant.state_names
-        pushes = self._steps.rows(
-            "pushed", len(states_named), lambda message: read_named(message, states_named)
-        )
+        acted = self._steps.named("disturbance", acting)
+        pushes = self._steps.named("pushed", self.plant.state_names)
         pushed = np.flatnonzero(np.nan_to_num(pushes.values).any(axis=0))
         own = [j for j, name in enumerate(names) if name not in (_SOLVE_TIME, _STATUS)]
         sensors = getattr(self.scenario.estimator, "sensors", None) or ()
@@ -117,7 +113,7 @@ class RecordedRun:
             wall_time_s=self._ending.get("wall_time_s", math.nan),
             changes=self.changes,
             disturbance=np.hstack([acted.values, np.nan_to_num(pushes.values[:, pushed])])[first : end + 1],
-            disturbance_names=(*acting, *(f"push_{states_named[i]}" for i in pushed)),
+            disturbance_names=(*acting, *(f"push_{self.plant.state_names[i]}" for i in pushed)),
             first_step=first,
             holes=tuple((first + begin, first + end) for begin, end in stretches(absent)),
         )
@@ -150,8 +146,7 @@ class RecordedRun:
 
     def setpoints(self) -> Array:
         """The reference (steps + 1, l) by its setpoints, else by the previews; NaN where neither has it."""
-        outputs = self.reference.outputs
-        rows = self._steps.rows("reference/setpoint", len(outputs), lambda m: read_named(m, outputs))
+        rows = self._steps.named("reference/setpoint", self.reference.outputs)
         if rows.present.all():
             return rows.values
         return np.where(rows.present[:, np.newaxis], rows.values, self.previews(len(rows.values)))
@@ -183,10 +178,6 @@ class RecordedRun:
     def _state(self, message: Any) -> Array:
         return read_state(message, self.plant.state_names)
 
-    def _controls(self, name: str) -> Rows:
-        names = self.plant.control_names
-        return self._steps.rows(name, len(names), lambda message: read_named(message, names))
-
     def filled(self, values: Array, first: int) -> tuple[Array, int]:
         """A reference (K, l) from a step on with the scenario's own values for what is NaN; in how many steps."""
         missing = np.isnan(values)
@@ -203,8 +194,7 @@ class RecordedRun:
         if not common:
             return (), np.empty((end - first, 0))
         (most, _) = common[0]
-        rows = self._steps.rows(topic, len(most), lambda message: read_named(message, most, finite=False))
-        return most, rows.values[first:end]
+        return most, self._steps.named(topic, most, finite=False).values[first:end]
 
     def _without_an_outcome(self, end: int, lasts: Mapping[str, int]) -> str:
         """Why the run ends here, and which topics go on."""

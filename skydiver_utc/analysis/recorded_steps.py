@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from skydiver_utc.arrays import Array, Flags
-from skydiver_utc.messages import MessageError, StepGrid
+from skydiver_utc.messages import MessageError, StepGrid, read_named
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.recording.reader import RecordedTopic
 
@@ -68,6 +68,10 @@ class RecordedSteps:
         if k > self._steps:
             raise MessageError("stamp", f"its step {k} is after the end")
         return k
+
+    def named(self, name: str, values: tuple[str, ...], finite: bool = True) -> Rows:
+        """The values of these names of each step, from messages that name theirs."""
+        return self.rows(name, len(values), lambda message: read_named(message, values, finite=finite))
 
     def rows(self, name: str, width: int, read: Callable[[Any], Array]) -> Rows:
         """The values (width,) of each step; of several messages of one step the first counts."""
