@@ -108,18 +108,10 @@ class Plan:
         if isinstance(ended, BaseException):
             trace = "".join(traceback.format_exception(ended))
             ended = Flown(FAILED, {}, " ".join(str(ended).split()) or type(ended).__name__, 0.0)
+        case, sample = self.design.case(number), self.design.sample(number).values
         kept = kept_of(self.study, ended) if ended.metrics else {}
-        return Row(
-            number,
-            self.design.case(number),
-            self.design.sample(number).values,
-            ended.outcome,
-            self.is_success(ended.outcome, kept),
-            kept,
-            ended.sentence,
-            trace,
-            ended.cpu_s,
-        )
+        success = self.is_success(ended.outcome, kept)
+        return Row(number, case, sample, ended.outcome, success, kept, ended.sentence, trace, ended.cpu_s)
 
     def is_success(self, outcome: str, kept: Mapping[str, Any]) -> bool:
         """Whether a run was completed with its metrics within the bars."""
