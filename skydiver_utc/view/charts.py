@@ -36,7 +36,7 @@ class Chart(NamedTuple):
 class Instant(NamedTuple):
     """A flight at a time [s]: state (n,), what the actuators hold (a,), reference (l,), wind (3,) [m/s].
 
-    deviations (m,) of the controls, NaN without; solve_time_s of the decision
+    telemetry: of the decision, by name; its `solve_time` [s] among it
     """
 
     time_s: float
@@ -44,13 +44,7 @@ class Instant(NamedTuple):
     applied: Array
     reference: Array
     wind: Array
-    deviations: Array
-    solve_time_s: float
-
-
-def deviations(plant: Plant, telemetry: Mapping[str, float]) -> Array:
-    """Standard deviations (m,) of the controls among telemetry, by name; NaN without."""
-    return np.array([telemetry.get(f"std_{name}", np.nan) for name in plant.control_names])
+    telemetry: Mapping[str, float]
 
 
 class Signals:
@@ -85,12 +79,16 @@ class Signals:
                 self.outputs(now.state),
                 self._reference * now.reference,
                 (now.applied[:m] - self._origin) / self._span,
-                now.deviations / self._span,
-                [1e3 * now.solve_time_s],
+                self.deviations(now) / self._span,
+                [1e3 * now.telemetry.get("solve_time", np.nan)],
             ]
         )
         row[~np.isfinite(row)] = 0.0  # a chart with anything else stays empty
         return row
+
+    def deviations(self, now: Instant) -> Array:
+        """Standard deviations (m,) of the controls; NaN without."""
+        return np.array([now.telemetry.get(f"std_{name}", np.nan) for name in self._plant.control_names])
 
     def outputs(self, states: Array) -> Array:
         """All outputs (..., L) of states (..., n), in the units shown."""

@@ -18,7 +18,7 @@ from skydiver_utc.loop.plant_steps import PlantSteps
 from skydiver_utc.parameters import ParameterError, Scenario, override
 from skydiver_utc.plants.protocol import Plant
 from skydiver_utc.references.protocol import Reference
-from skydiver_utc.view.charts import Instant, Signals, deviations
+from skydiver_utc.view.charts import Instant, Signals
 from skydiver_utc.view.gusts import Gusts
 
 _LONGEST_S = 36000.0
@@ -61,8 +61,7 @@ class LiveFlight:
         self._steps.reset()
         self._steps.begin()
         self._decider.begin()
-        self._time_s, self.ended, self._solve_time_s = 0.0, "", 0.0
-        self._deviations = np.full(len(self.plant.control_names), np.nan)
+        self._time_s, self.ended, self._telemetry = 0.0, "", dict[str, float]()
         self._rows.clear()
 
     def advance(self, seconds: float) -> None:
@@ -111,8 +110,7 @@ class LiveFlight:
             applied=self._steps.applied.copy(),
             reference=self._reference.preview(k, 1)[0],
             wind=self._steps.disturbance.wind(k),
-            deviations=self._deviations,
-            solve_time_s=self._solve_time_s,
+            telemetry=self._telemetry,
         )
 
     def history(self) -> Array:
@@ -131,9 +129,8 @@ class LiveFlight:
         if not self._steps.step(decision.control):
             self.ended = self._steps.reason
         self._decider.predict()
-        self._solve_time_s = self._decider.solve_time_s
-        telemetry = zip(controller.telemetry_names, decision.telemetry, strict=False)
-        self._deviations = deviations(self.plant, dict(telemetry))
+        self._telemetry = dict(zip(controller.telemetry_names, decision.telemetry.tolist(), strict=False))
+        self._telemetry["solve_time"] = self._decider.solve_time_s
 
 
 def _set_between_steps(controller: Controller, before: Any, after: Any) -> bool:

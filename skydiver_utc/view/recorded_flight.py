@@ -6,7 +6,7 @@ import numpy as np
 from skydiver_utc.arrays import Array
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import ParameterError
-from skydiver_utc.view.charts import Instant, Signals, deviations
+from skydiver_utc.view.charts import Instant, Signals
 
 _MOST_ROWS = 1500
 
@@ -56,6 +56,7 @@ class RecordedFlight:
     def _at(self, i: int) -> Instant:
         """The instant of a row; the last state has the control of the step before."""
         run, step = self._run, max(0, min(i, len(self._run.commands) - 1))
+        telemetry = dict(zip(run.telemetry_names, run.telemetry[step].tolist(), strict=True))
         applied = self.plant.initial_applied()
         applied[: run.applied.shape[1]] = run.applied[step]
         return Instant(
@@ -64,8 +65,5 @@ class RecordedFlight:
             applied=applied,
             reference=run.reference[i],
             wind=self._wind[i],
-            deviations=deviations(
-                run.plant, dict(zip(run.telemetry_names, run.telemetry[step], strict=True))
-            ),
-            solve_time_s=float(run.solve_time_s[step]),
+            telemetry=telemetry | {"solve_time": float(run.solve_time_s[step])},
         )

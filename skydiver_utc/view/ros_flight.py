@@ -20,7 +20,7 @@ from skydiver_utc.loop.build import (
 from skydiver_utc.loop.tuned_scenario import TunedScenario
 from skydiver_utc.nodes.observed_run import ObservedRun
 from skydiver_utc.parameters import leaves, override
-from skydiver_utc.view.charts import Instant, Signals, deviations
+from skydiver_utc.view.charts import Instant, Signals
 from skydiver_utc.view.gusts import Gusts
 from skydiver_utc.view.live_flight import look_ahead
 
@@ -95,15 +95,14 @@ class RosFlight:
 
     def now(self) -> Instant:
         """The newest instant."""
-        node, telemetry = self._node, self._node.telemetry
+        node = self._node
         return Instant(
             time_s=node.k * node.scenario.dt_s,
             state=node.state,
             applied=node.applied,
             reference=node.reference,
             wind=self._disturbance.wind(node.k) + self._gust,
-            deviations=deviations(self.plant, telemetry),
-            solve_time_s=telemetry.get("solve_time", np.nan),
+            telemetry=node.telemetry,
         )
 
     def history(self) -> Array:
@@ -115,7 +114,7 @@ class RosFlight:
         k, now, controller = self._node.k, self.now(), self._controller
         control = now.applied[: len(self.plant.control_names)]
         if isinstance(controller, UnscentedTransformController):
-            known = np.isfinite(now.deviations).all()
-            controller.reset(control, np.diag(now.deviations**2) if known else None)
+            deviations = self.signals.deviations(now)
+            controller.reset(control, np.diag(deviations**2) if np.isfinite(deviations).all() else None)
             controller.explain(now.state, self._reference.preview(k, controller.preview_steps + 1))
         return look_ahead(controller, self._model, self._reference, k, now.state, control, seconds)

@@ -32,7 +32,7 @@ def test_unchanged_it_is_the_simulated_run_until_a_setting_moves_the_body(flight
     recorded = RecordedFlight(run, "recorded")
     recorded.seek(recorded.ends_s)
     alpha = run.telemetry[-1, run.telemetry_names.index("std_alpha")]
-    assert flight.now().deviations[3] == recorded.now().deviations[3] == alpha
+    assert [each.signals.deviations(each.now())[3] for each in (flight, recorded)] == [alpha, alpha]
 
     flight.change({"reference.amplitude_deg_s": 100.0})
     flight.advance(1.0)
