@@ -40,7 +40,7 @@ setup(
         "lz4>=4.3",
         "matplotlib>=3.6.3",
         "mcap>=1.5",
-        "numba>=0.61",
+        "numba>=0.62",
         "numpy>=1.26",
         "pydantic>=2.6",
         "pyyaml>=6.0.1",

@@ -5,6 +5,7 @@ A `kernel` is compiled into those that call it. A `program` is what Python calls
 `address`: it alone is kept on disk, so what it computes never depends, to the last bit, on what came from there.
 The model that a controller predicts with is called by address: a controller's program is the same for all of them.
 
+Numba counts references to arrays in functions of users and in `allocating` kernels only: the package's make no arrays.
 Contraction, reassociation and unsigned zeros let loops over segments become vector code; NaN and infinity keep their
 meaning in comparisons (np.isfinite of a sum may be folded away: write abs(x) < inf).
 Numba renews a program when its own file changes, but not when a kernel from another file does; so the package's
@@ -35,6 +36,8 @@ from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic
+
+from skydiver_utc.compiler import KernelCompiler, ProgramCompiler
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -73,15 +76,22 @@ def inlined(function: _Function) -> _Function:
     return _kernel(function, inline="always")
 
 
-def _kernel(function: _Function, **options: str) -> _Function:
+def allocating(function: _Function) -> _Function:
+    """A kernel that makes arrays, inlined into its callers."""
+    return _kernel(function, inline="always", _nrt=True)
+
+
+def _kernel(function: _Function, **options: Any) -> _Function:
     compiled: Any = _Kernel(
         function,
+        pipeline_class=KernelCompiler,
         targetoptions={
             "nopython": True,
             "no_cpython_wrapper": True,
             "forceinline": True,
-            **options,
+            "_nrt": not _is_own(function),
             **_OPTIONS,
+            **options,
         },
     )
     result: _Function = compiled
@@ -96,13 +106,16 @@ def unfused(function: _Function) -> _Function:
 def program(function: _Function, **options: Any) -> _Function:
     """Compile a function that Python calls, or another program by its `address`, and keep it on disk."""
     settings: Any = numba.config
+    options = {"_nrt": not _is_own(function), **_OPTIONS, **options}
     with global_compiler_lock:
         configured = settings.CACHE_DIR
         settings.CACHE_DIR = str(
             Path(configured or Path(__file__).parent / "__pycache__") / _sources_digest()
         )
         try:
-            compiled: Any = kept_on_disk(numba.njit(**_OPTIONS | options)(function), function)
+            compiled: Any = kept_on_disk(
+                numba.njit(pipeline_class=ProgramCompiler, **options)(function), function
+            )
         finally:
             settings.CACHE_DIR = configured
     result: _Function = compiled
@@ -113,7 +126,8 @@ def kept_on_disk(compiled: Any, source: Callable[..., Any]) -> Any:
     """Keep what a jitted function, made of `source`, compiles to, if there is a folder that can be written."""
     # Numba finds no folder that it can write, or the function stands in no file.
     with suppress(RuntimeError, OSError):
-        compiled._cache = _Cache(compiled.py_func, source)
+        counts_references = compiled.targetoptions.get("_nrt", True)
+        compiled._cache = _Cache(compiled.py_func, source, counts_references)
     return compiled
 
 
@@ -152,7 +166,7 @@ def bound(template: Any, name: str, owner: Any, **names: Any) -> Any:
     function = FunctionType(code, {**template.__globals__, **names}, name)
     function.__module__, function.__qualname__ = plain.__module__, f"{plain.__qualname__}.{template.__name__}"
     if _is_own(plain):
-        return program(function)
+        return program(function, _nrt=owner.targetoptions.get("_nrt", True))
     return kept_on_disk(numba.njit(error_model="numpy", no_cfunc_wrapper=True)(function), owner)
 
 
@@ -316,7 +330,13 @@ class _Kernel(CPUDispatcher):  # type: ignore[misc]
 
     @cached_property
     def as_program(self) -> Any:
-        return program(self.py_func)
+        return program(self.py_func, _nrt=self.targetoptions["_nrt"])
+
+    def add_overload(self, compiled: Any) -> None:
+        """Register a compilation, which has no machine code, with what stands for it in calls."""
+        entry = object()
+        compiled.target_context.insert_user_function(entry, compiled.fndesc, [compiled.library])
+        self.overloads[tuple(compiled.signature.args)] = compiled._replace(entry_point=entry)
 
     def __call__(self, *arguments: Any) -> Any:
         return self.as_program(*arguments)
@@ -325,14 +345,18 @@ class _Kernel(CPUDispatcher):  # type: ignore[misc]
 class _Cache(FunctionCache):  # type: ignore[misc]
     """Numba's cache, but for a folder that cannot be written any more, and for what a user's function refers to."""
 
-    def __init__(self, py_func: Any, source: Callable[..., Any]) -> None:
+    def __init__(self, py_func: Any, source: Callable[..., Any], counts_references: bool) -> None:
         super().__init__(py_func)
-        self._source = source
+        self._source, self._counts_references = source, counts_references
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compilation kept for a signature, or None."""
         with suppress(_UnknownContentsError):
-            return super().load_overload(sig, target_context)
+            if self._counts_references:
+                return super().load_overload(sig, target_context)
+            # Without numba's compiler, whose import takes longer than a flight.
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -376,7 +400,7 @@ def _contents(source: Any) -> str:
     return digest.hexdigest() if seen else ""
 
 
-def _is_own(function: FunctionType) -> bool:
+def _is_own(function: Callable[..., Any]) -> bool:
     return (function.__module__ or "").partition(".")[0] == __package__
 
 
@@ -390,7 +414,8 @@ def _names(code: CodeType) -> list[str]:
 def _sources_digest() -> str:
     package = Path(__file__).parent
     digest = hashlib.blake2b(Path(__file__).read_bytes(), digest_size=6)
-    digest.update((package / "rotations.py").read_bytes())
+    for module in ("compiler.py", "rotations.py"):
+        digest.update((package / module).read_bytes())
     for room in _ROOMS_WITH_KERNELS:
         for source in sorted((package / room).rglob("*.py")):
             digest.update(source.read_bytes())

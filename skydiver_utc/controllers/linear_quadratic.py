@@ -108,7 +108,10 @@ def _designed(
 
 
 class Tracking(NamedTuple):
-    """Numbers of a decision: gains, the equilibrium z (n,), u (m,) and its outputs (l,), limits (3, m), u_k-1 (m,)."""
+    """Numbers of a decision: gains, the equilibrium z (n,), u (m,) and its outputs (l,), limits (3, m), u_k-1 (m,).
+
+    xi (n + m,), wanted (m,): scratch
+    """
 
     gains: Gains
     of_outputs: Array
@@ -117,6 +120,8 @@ class Tracking(NamedTuple):
     outputs: Array
     limits: Array
     previous: Array
+    xi: Array
+    wanted: Array
 
 
 class LinearQuadraticController(LimitedController):
@@ -131,7 +136,10 @@ class LinearQuadraticController(LimitedController):
         self.preview_steps = settings.preview_steps(dt_s)
         super().__init__(plant)
         self._reduce, self._out = about.reduce, np.empty(len(self.telemetry_names) + 1)
-        numbers = Tracking(gains, model.C, about.state, nominal, model.outputs, self._limits, self._previous)
+        (n, m), limits, previous = model.B.shape, self._limits, self._previous
+        numbers = Tracking(
+            gains, model.C, about.state, nominal, model.outputs, limits, previous, np.empty(n + m), np.empty(m)
+        )  # fmt: skip
         example = about.state, np.empty((1, len(outputs))), self._out
         self._track = by_address([(track, numbers)], *example)
 
@@ -147,7 +155,7 @@ def track(z: Array, preview: Array, numbers: Tracking, out: Array) -> None:
     """Move the control on; write the distance of the outputs, how far it is beyond limits, and the status."""
     K, F, previous = numbers.gains.feedback, numbers.gains.preview, numbers.previous
     n, m, l = z.shape[0], previous.shape[0], numbers.outputs.shape[0]
-    xi, wanted = np.empty(n + m), np.empty(m)
+    xi, wanted = numbers.xi, numbers.wanted
     for a in range(n):
         xi[a] = z[a] - numbers.state[a]
     for c in range(m):

@@ -50,6 +50,8 @@ class Setup(NamedTuple):
     begin (S,): the steps that a point has in common with the first point, which are not computed again
     limits (3, m): minimum, maximum and largest change per step of the control
     points (S, p); applied (m,): the control now applied; first (S, m): the control on the first step
+    scratch: x (n,), control and wanted (m,), y and y_before (named,), states and controls of the first point at each
+        step (N + 1, n) and (N + 1, m)
     """
 
     step: Any
@@ -67,6 +69,13 @@ class Setup(NamedTuple):
     named: int
     outputs: Array
     first: Array
+    x: Array
+    control: Array
+    wanted: Array
+    y: Array
+    y_before: Array
+    states: Array
+    controls: Array
 
 
 @program
@@ -75,11 +84,10 @@ def roll_out(state: Array, preview: Array, setup: Setup, out: Array) -> None:
     step, outputs_of, parameters, dynamics = setup.step, setup.outputs_of, setup.parameters, setup.dynamics
     kind, named, steps, limits = setup.kind, setup.named, setup.steps, setup.limits
     applied, points, outputs, first = setup.applied, setup.points, setup.outputs, setup.first
-    x, control, wanted = np.empty(state.shape[0]), np.empty(applied.shape[0]), np.empty(applied.shape[0])
-    y, y_before = np.empty(named), np.empty(named)
+    x, control, wanted, y, y_before = setup.x, setup.control, setup.wanted, setup.y, setup.y_before
+    states, controls = setup.states, setup.controls
     n, m, chosen = x.shape[0], control.shape[0], setup.selected.shape[0]
     last = steps[steps.shape[0] - 1]
-    states, controls = np.empty((last + 1, n)), np.empty((last + 1, m))
     for a in range(n):
         states[0, a] = state[a]
     for c in range(m):
@@ -156,7 +164,7 @@ class RollOut:
         dynamics: Dynamics | None = None,
     ) -> None:
         """named: how many outputs the model has; points: shape (S, p) of the points."""
-        m = limits.shape[1]
+        n, m = model.state_size, limits.shape[1]
         self.points, self.first, self.applied = np.empty(points), np.empty((points[0], m)), np.empty(m)
         self.outputs = np.empty((points[0], len(steps) * len(selected)))
         self.begin = np.zeros(points[0], dtype=np.int64)
@@ -177,6 +185,13 @@ class RollOut:
             named,
             self.outputs,
             self.first,
+            np.empty(n),
+            np.empty(m),
+            np.empty(m),
+            np.empty(named),
+            np.empty(named),
+            np.empty((steps[-1] + 1, n)),
+            np.empty((steps[-1] + 1, m)),
         )
         self._compiled = self._addresses(model.state_size)
         self._run: Callable[[Array, Array, Array], None] | None = None

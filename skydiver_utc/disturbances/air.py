@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The state of a body in moving air, as a kernel."""
 
-import numpy as np
-
 from skydiver_utc.arrays import Array
 from skydiver_utc.disturbances.protocol import STILL_AIR
 from skydiver_utc.jit import program
@@ -14,16 +12,13 @@ def in_moving_air(state: Array, wind: Array, before: Array, dt_s: float) -> Arra
     if wind is STILL_AIR and before is STILL_AIR:
         return state
     moved = state.copy()
-    _move(moved, wind, before, dt_s)
+    _move(moved, wind, before - wind, dt_s)
     return moved
 
 
 @program
-def _move(state: Array, wind: Array, before: Array, dt_s: float) -> None:
-    gained, in_body = np.empty(3), np.empty(3)
+def _move(state: Array, wind: Array, gained: Array, dt_s: float) -> None:
+    turn_into_body(state[3:7], gained, gained)
     for axis in range(3):
         state[axis] += dt_s * wind[axis]
-        gained[axis] = before[axis] - wind[axis]
-    turn_into_body(state[3:7], gained, in_body)
-    for axis in range(3):
-        state[7 + axis] += in_body[axis]
+        state[7 + axis] += gained[axis]

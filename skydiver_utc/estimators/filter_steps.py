@@ -18,7 +18,7 @@ class Estimate(NamedTuple):
 
     mean (N,): states (n,) of the plant, then biases of sensors; P (e, e): covariance of its error
     attitude, angles: as in `skydiver_utc.estimators.manifold`
-    points (2e+1, N), errors (2e+1, e) from the mean, root (e, e), shift (e,), nothing (e,) of zeros
+    points (2e+1, N), errors (2e+1, e) from the mean, root (e, e), vectors (e + 1, e), shift (e,), nothing (e,) of zeros
     """
 
     mean: Array
@@ -30,6 +30,7 @@ class Estimate(NamedTuple):
     points: Array
     errors: Array
     root: Array
+    vectors: Array
     shift: Array
     nothing: Array
 
@@ -73,7 +74,7 @@ class Correction(NamedTuple):
 @kernel
 def _draw(at: Estimate) -> None:
     """Sigma points about the mean."""
-    symmetric_root(at.P, 0.0, at.root)
+    symmetric_root(at.P, 0.0, at.root, at.vectors)
     spread(at.nothing, at.root, at.W0, at.errors)
     for i in range(at.points.shape[0]):
         moved(at.mean, at.errors[i], at.attitude, at.points[i])

@@ -59,6 +59,7 @@ class UnscentedKalmanFilter(Estimator):
             points=np.empty((2 * e + 1, len(names))),
             errors=np.empty((2 * e + 1, e)),
             root=np.empty((e, e)),
+            vectors=np.empty((e + 1, e)),
             shift=np.empty(e),
             nothing=np.zeros(e),
         )

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.jit import bound, inlined, is_jitted, kernel
+from skydiver_utc.jit import allocating, bound, is_jitted
 from skydiver_utc.plants.function import writes_its_result
 
 
-@inlined
+@allocating
 def runge_kutta(
     derivative: Any, state: Array, control: Array, parameters: Any, dt_s: float, out: Array
 ) -> None:
@@ -74,7 +74,7 @@ def _of_writing(derivative: Any, state: Array, control: Array, dt: float) -> Arr
     return state + dt / 6.0 * (slopes[0] + 2.0 * (slopes[1] + slopes[2]) + slopes[3])
 
 
-_OF_RETURNING, _OF_WRITING = kernel(_of_returning), kernel(_of_writing)
+_OF_RETURNING, _OF_WRITING = allocating(_of_returning), allocating(_of_writing)
 
 
 def derivative(*_: Any) -> Any:

@@ -8,7 +8,7 @@ from pydantic import model_validator
 from typing_extensions import Self
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.jit import inlined
+from skydiver_utc.jit import allocating, inlined
 from skydiver_utc.parameters.fields import SlotSettings, text
 from skydiver_utc.parameters.linear_plant import LinearSettings
 from skydiver_utc.plants.protocol import Model, Plant
@@ -22,7 +22,7 @@ class LinearModel(NamedTuple):
     C: Array
 
 
-@inlined
+@allocating
 def linear_step(state: Array, control: Array, parameters: LinearModel, out: Array) -> None:
     """x+ = A x + B u (n,)."""
     A, B = parameters.A, parameters.B

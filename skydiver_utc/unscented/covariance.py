@@ -12,14 +12,14 @@ _ROUNDING = 1e-34
 
 
 @kernel
-def symmetric_root(covariance: Array, floor: float, root: Array) -> float:
+def symmetric_root(covariance: Array, floor: float, root: Array, vectors: Array) -> float:
     """Symmetric S (m, m) with S S = Pu, and by how much Pu had to be repaired for it.
 
     Pu is made symmetric and eigenvalues below `floor` are lifted to it, in `covariance` too. Returns the sum of what
     was added to the eigenvalues. These are found by cyclic Jacobi rotations, which make one entry (p, q) zero each.
+    vectors (m + 1, m): scratch, for the eigenvectors and the eigenvalues
     """
     m, total = len(covariance), 0.0
-    vectors = np.empty((m, m))
     for i in range(m):
         for j in range(m):
             root[i, j] = 0.5 * (covariance[i, j] + covariance[j, i])
@@ -43,7 +43,7 @@ def symmetric_root(covariance: Array, floor: float, root: Array) -> float:
                     a, b = vectors[k, p], vectors[k, q]
                     vectors[k, p], vectors[k, q] = cosine * a - sine * b, sine * a + cosine * b
     lifted = 0.0
-    values = np.empty(m)
+    values = vectors[m]
     for k in range(m):
         values[k] = max(root[k, k], floor)
         if not root[k, k] >= floor:  # NaN, too

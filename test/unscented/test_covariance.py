@@ -22,8 +22,8 @@ def test_the_root_of_a_covariance_is_scipys_of_the_repaired_matrix(seed):
     rng = np.random.default_rng(seed)
     factor = rng.normal(size=(4, 4))
     Pu = paper.initial_covariance(*rng.choice([-1.0, 1.0], 3)) + (factor @ factor.T) * (seed % 3)
-    given, root = Pu.copy(), np.empty((4, 4))
-    lifted = symmetric_root(given, 1e-9, root)
+    given, root, scratch = Pu.copy(), np.empty((4, 4)), np.empty((5, 4))
+    lifted = symmetric_root(given, 1e-9, root, scratch)
     values, vectors = np.linalg.eigh(Pu)
     repaired = (vectors * np.maximum(values, 1e-9)) @ vectors.T
     np.testing.assert_allclose(given, repaired, atol=1e-12)
@@ -35,14 +35,14 @@ def test_the_root_of_a_covariance_is_scipys_of_the_repaired_matrix(seed):
         np.testing.assert_array_equal(given, Pu)
     # The same matrix in another unit.
     smaller = np.empty((4, 4))
-    assert symmetric_root(1e-20 * Pu, 1e-29, smaller) == pytest.approx(1e-20 * lifted, rel=1e-6)
+    assert symmetric_root(1e-20 * Pu, 1e-29, smaller, scratch) == pytest.approx(1e-20 * lifted, rel=1e-6)
     np.testing.assert_allclose(1e10 * smaller, root, atol=1e-12)
 
 
 @pytest.mark.parametrize(("variances", "lifted"), [([0.0, 0.0, 4.0], 0.5), ([0.0, 0.0, 0.0], 0.75)])
 def test_variances_of_zero_become_the_floor(variances, lifted):
-    given, root = np.diag(variances), np.empty((3, 3))
-    assert symmetric_root(given, 0.25, root) == lifted
+    given, root, scratch = np.diag(variances), np.empty((3, 3)), np.empty((4, 3))
+    assert symmetric_root(given, 0.25, root, scratch) == lifted
     np.testing.assert_array_equal(given, np.diag(np.maximum(variances, 0.25)))
     np.testing.assert_array_equal(root, np.sqrt(given))
 

@@ -99,6 +99,7 @@ def law_of(
     m, L, steps = len(plant.control_names), len(of.P_err), settings.steps
     points, floor = 2 * m + 1, settings.covariance_floor
     at = RollOut(plant.model, len(plant.output_names), steps, of.selected, limits, (points, m), inside)
+    R = at.outputs.shape[1]
     drawn = inside is None or (inside.function is incremental and settings.dynamics.saved == "drawn")  # type: ignore[union-attr]
     law = Law(
         steps=np.array(steps),
@@ -135,6 +136,19 @@ def law_of(
         patience=max(_LEAST_PATIENCE, _PATIENCE * steps[-1]),
         singly=np.empty(1, dtype=np.bool_),
         events=np.zeros(3, dtype=np.int64),
+        root=np.empty((m, m)),
+        following=np.empty((m, m)),
+        vectors=np.empty((m + 1, m)),
+        left=np.empty(points),
+        U=np.empty(m),
+        beside=np.empty(m),
+        Y=np.empty(L),
+        e=np.empty(L),
+        at=np.empty(L),
+        C_y=np.empty((L, L)),
+        squares=np.empty((R, R)),
+        found=np.empty((1, R)),
+        rest=np.empty((1, 1)),
     )
     return law, at
 

@@ -49,6 +49,8 @@ class Law(NamedTuple):
         then, and the reference there; patience: after how many of them it counts as not reached
     singly (1,): whether controls are tried one by one, without covariances in Pu and Qu
     events (3,): status, recovery and lost points of the step
+    scratch: root and following (m, m), vectors (m+1, m), left (2m+1,), U and beside (m,), Y, e and at (L,), C_y (L, L);
+        of the R = T l outputs of the roll-out squares (R, R), found (1, R), and rest (1, 1)
     """
 
     steps: Integers
@@ -85,6 +87,19 @@ class Law(NamedTuple):
     patience: int
     singly: Flags
     events: Integers
+    root: Array
+    following: Array
+    vectors: Array
+    left: Array
+    U: Array
+    beside: Array
+    Y: Array
+    e: Array
+    at: Array
+    C_y: Array
+    squares: Array
+    found: Array
+    rest: Array
 
 
 # A repair of Pu below this share of its trace is rounding, and no reason to call a step repaired.
@@ -117,8 +132,8 @@ def draw(state: Array, preview: Array, law: Law, out: Array) -> None:
             law.repaired_Pu[a, b] = law.Pu[a, b]
             if law.singly[0] and a != b:
                 law.repaired_Pu[a, b] = law.Qu[a, b] = 0.0
-    root = np.empty((m, m))
-    out[2 * law.tracked + m] = symmetric_root(law.repaired_Pu, law.floor, root)
+    root = law.root
+    out[2 * law.tracked + m] = symmetric_root(law.repaired_Pu, law.floor, root, law.vectors)
     for a in range(m):
         for b in range(m):
             root[a, b] *= law.spread[0]
@@ -147,7 +162,7 @@ def update(state: Array, preview: Array, law: Law, out: Array) -> None:
             outputs[i, k] = law.of_roll_out[i, k]
         for k in range(nominal.shape[0]):
             outputs[i, L - nominal.shape[0] + k] = saved[i, nominal[k]]
-    left, alive = np.empty(weights.shape[0]), law.alive
+    left, alive = law.left, law.alive
     lost = weights_left(weights, outputs, saved, left, alive)
     law.events[0], law.events[2] = _KEPT_PREVIOUS, lost
     narrow = law.spread[0] < 1.0
@@ -156,11 +171,11 @@ def update(state: Array, preview: Array, law: Law, out: Array) -> None:
         return
     for t in range(law.angles.shape[0]):
         unwrap(outputs, alive, law.angles[t])
-    U, Y = np.empty(m), np.empty(L)
+    U, Y = law.U, law.Y
     weighted_mean(saved, left, U)
     weighted_mean(outputs, left, Y)
-    following, C_y, K = np.empty((m, m)), np.empty((L, L)), law.gain
-    e, at, beside = np.empty(L), np.empty(L), np.empty(m)
+    following, C_y, K = law.following, law.C_y, law.gain
+    e, at, beside = law.e, law.at, law.beside
     found = False
     for attempt in (_NONE, _ABOUT_CENTRE, _OUTPUTS_REPAIRED):
         if found or (attempt == _ABOUT_CENTRE and not left[0] < 0.0):
@@ -186,7 +201,7 @@ def update(state: Array, preview: Array, law: Law, out: Array) -> None:
     elif law.of_control and alive[0] > 0.0:
         for a in range(m):
             beside[a] = U[a] - saved[0, a]
-        _answer_of(K, law.P_err, law.repaired_Pu, of_roll_out, beside, at)
+        _answer_of(K, law.P_err, law.repaired_Pu, beside, at, law.squares, law.found, law.rest)
         for k in range(L):
             at[k] += outputs[0, k]
     for k in range(L):
@@ -237,13 +252,27 @@ def update(state: Array, preview: Array, law: Law, out: Array) -> None:
 
 
 @kernel
-def _answer_of(K: Array, P_err: Array, Pu: Array, size: int, change: Array, answer: Array) -> None:
+def _answer_of(
+    K: Array,
+    P_err: Array,
+    Pu: Array,
+    change: Array,
+    answer: Array,
+    squares: Array,
+    found: Array,
+    rest: Array,
+) -> None:
     """The innovation (L,) of the plant's outputs that the gain would turn into a change (m,) of the control.
 
     The mean of points at bounds lies beside the control. Without this the update would follow it there, away from the
     reference; with it, it does so only where no output sees it.
+    squares (R, R), found (1, R), rest (1, 1): scratch
     """
-    squares, found, rest = np.zeros((size, size)), np.zeros((1, size)), np.empty((1, 1))
+    size = squares.shape[0]
+    for i in range(size):
+        found[0, i] = 0.0
+        for k in range(size):
+            squares[i, k] = 0.0
     for i in range(size):
         unit = np.sqrt(P_err[i, i])
         for a in range(K.shape[0]):

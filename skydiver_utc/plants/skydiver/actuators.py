@@ -52,7 +52,7 @@ def actuated(
         return
     distance = target - alpha - 0.5 * dt * rate
     braking = most * (math.sqrt(0.25 * dt * dt + 2.0 * abs(distance) / most) - 0.5 * dt)
-    wanted = math.copysign(min(braking, abs(distance) / dt, slew / dt), distance)
+    wanted = math.copysign(min(min(braking, abs(distance) / dt), slew / dt), distance)
     rate_after = min(max(wanted, rate - most * dt), rate + most * dt)
     reached = alpha + 0.5 * dt * (rate + rate_after)
     low, high = limits[0, 3], limits[1, 3]

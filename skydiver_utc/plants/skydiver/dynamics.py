@@ -166,9 +166,10 @@ def state_derivative(
     model: PlantModel, geometry: Array, inverse: Array, control: Array, state: Array, out: Array
 ) -> None:
     """Time derivative (13,) of the state in a held posture, from its geometry and inverse inertia."""
-    load = np.empty(6)
-    momentum = np.empty(3)
-    body_load(model, geometry, np.zeros(_DRIFT_SIZE), control, state, load)
+    drift, load, momentum = model.work[2], model.work[3], model.work[4]
+    for i in range(_DRIFT_SIZE):
+        drift[i] = 0.0
+    body_load(model, geometry, drift, control, state, load)
     kinematics(model, load, state, out)
     angular_momentum(geometry, 0.0, state, momentum)
     _momentum_derivative(load, momentum, state, momentum)

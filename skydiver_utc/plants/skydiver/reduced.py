@@ -17,14 +17,18 @@ from skydiver_utc.plants.skydiver.steady import SteadyFall, straight_falls
 from skydiver_utc.rotations import attitude_with_up, up_of_quaternion
 
 
-@unfused
 def reduced(state: Array) -> Array:
     """The eight states (8,) of a state (13,)."""
     z = np.empty(8)
+    _reduce(state, z)
+    return z
+
+
+@unfused
+def _reduce(state: Array, z: Array) -> None:
     z[0], z[1], _ = up_of_quaternion(state[3], state[4], state[5], state[6])
     for axis in range(3):
         z[2 + axis], z[5 + axis] = state[10 + axis], state[7 + axis]
-    return z
 
 
 def expanded(z: Array) -> Array:

@@ -190,8 +190,8 @@ def _condition(state: Array) -> int:
     for i in range(state.shape[0]):
         finite &= abs(state[i]) < np.inf
     vx, vy, vz, wx, wy, wz = state[7], state[8], state[9], state[10], state[11], state[12]
-    slow = vx * vx + vy * vy + vz * vz < LARGEST_SPEED_M_S**2
-    falls = finite and slow and wx * wx + wy * wy + wz * wz < LARGEST_RATE_RAD_S**2
+    slow = vx * vx + vy * vy + vz * vz < LARGEST_SPEED_M_S * LARGEST_SPEED_M_S
+    falls = finite and slow and wx * wx + wy * wy + wz * wz < LARGEST_RATE_RAD_S * LARGEST_RATE_RAD_S
     above = up_of_quaternion(state[3], state[4], state[5], state[6])[2] >= 0.0
     return (0 if falls else _BEYOND) | (0 if above else _ROLLED_OVER)
 
