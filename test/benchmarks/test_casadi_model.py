@@ -17,7 +17,7 @@ from skydiver_utc.plants.skydiver.dynamics import (
     posture_geometry,
     state_derivative,
 )
-from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, build_model, posture_row
+from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, build_model, posture_rows
 
 SCENARIO = load_scenario("fast_turn_unknown_dynamics")
 MODEL = build_model(SCENARIO.plant, SCENARIO.dt_s)
@@ -35,7 +35,7 @@ def random_flight(seed):
 
 def at_posture(alpha):
     """The package's model with the body's own posture at alpha in its table, free of interpolation."""
-    return MODEL._replace(geometry=np.tile(posture_row(BODY, MOVES, alpha), (4, 1)))
+    return MODEL._replace(geometry=np.tile(posture_rows(BODY, MOVES, [alpha]), (4, 1)))
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -60,7 +60,7 @@ def test_geometry_is_the_body_s_between_the_nodes_too():
     largest = 0.0
     for alpha in np.linspace(*SCENARIO.plant.limits.alpha, 101):
         found = np.array(series(alpha)).ravel()
-        np.testing.assert_allclose(found, posture_row(BODY, MOVES, alpha), atol=1e-11)
+        np.testing.assert_allclose(found, posture_rows(BODY, MOVES, [alpha])[0], atol=1e-11)
         posture_geometry(MODEL, alpha, tabulated)
         largest = max(largest, float(np.abs(found - tabulated).max()))
     assert 1e-9 < largest < 5e-7

@@ -26,7 +26,7 @@ from skydiver_utc.plants.skydiver.dynamics import (
     posture_geometry,
     state_derivative,
 )
-from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, INERTIA_AT, held_row, posture_row
+from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, INERTIA_AT, held_row, posture_rows
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 
 SCENARIO = skydiver("fast_turn_unknown_dynamics")
@@ -86,11 +86,11 @@ def test_a_posture_that_stays_is_read_from_the_table_once():
 
 def test_posture_table_error_bound():
     """Between its nodes the table keeps position, drag, inertia and swing entries to 2e-6 (m, m2, kg m2)."""
-    row = np.empty(GEOMETRY_SIZE)
-    moves = movement(SCENARIO.plant.posture, SCENARIO.plant.pattern)
-    for alpha in np.linspace(*SCENARIO.plant.limits.alpha, 257):
+    row, alphas = np.empty(GEOMETRY_SIZE), np.linspace(*SCENARIO.plant.limits.alpha, 257)
+    exact = posture_rows(BODY, movement(SCENARIO.plant.posture, SCENARIO.plant.pattern), alphas)
+    for alpha, expected in zip(alphas, exact, strict=True):
         posture_geometry(MODEL, alpha, row)
-        np.testing.assert_allclose(row, posture_row(BODY, moves, alpha), atol=2e-6)
+        np.testing.assert_allclose(row, expected, atol=2e-6)
 
 
 def test_momentum_and_energy_are_kept_without_air_and_gravity():

@@ -28,7 +28,7 @@ _SYMMETRIC = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 class PlantModel(NamedTuple):
     """Constants of one skydiver in one air, in SI units.
 
-    geometry (n, 153) rows of `posture_row` at equally spaced pattern angles, from alpha_first [rad] on
+    geometry (n, 153) rows of `posture_rows` at equally spaced pattern angles, from alpha_first [rad] on
     hand_force component along the body's z (dorsal) of the force on a hand for a unit coefficient [N]
     hand_arm y of the left hand, -y of the right one [m]: the hands' moment is r x F
     control_min, control_max (4,)
@@ -64,7 +64,7 @@ def build_model(settings: SkydiverSettings, dt_s: float, moves: Movement | None 
     alphas = np.linspace(*settings.limits.alpha, settings.pattern_nodes)
     moves = moves or movement(settings.posture, settings.pattern, ratios.pattern)
     return PlantModel(
-        geometry=posture_row(body, moves, alphas),
+        geometry=posture_rows(body, moves, alphas),
         alpha_first=float(alphas[0]),
         nodes_per_rad=(settings.pattern_nodes - 1) / float(alphas[-1] - alphas[0]),
         mass=ratios.mass / ratios.inertia * body.total_mass,
@@ -97,9 +97,9 @@ def dressed_body(settings: SkydiverSettings) -> Body:
     )
 
 
-def posture_row(body: Body, moves: Movement, alpha: float | Array) -> Array:
-    """The row (..., 153) of the geometry table at a pattern angle (...) [rad]."""
-    return geometry_rows(body, moves.angles(alpha), moves.slope(alpha))
+def posture_rows(body: Body, moves: Movement, alphas: Array) -> Array:
+    """The rows (n, 153) of the geometry table at pattern angles (n,) [rad]."""
+    return geometry_rows(body, moves.angles(alphas), moves.slope(alphas))
 
 
 def held_row(body: Body, angles: Array) -> Array:

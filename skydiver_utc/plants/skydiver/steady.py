@@ -33,7 +33,7 @@ class HeldBody:
     """A body that holds a posture under a constant control (4,): that of the pattern angle control[3], or any."""
 
     def __init__(self, model: PlantModel, control: Array, geometry: Array | None = None) -> None:
-        """`geometry` (153,) is the row of another posture, as `posture_row` makes it."""
+        """`geometry` (153,) is the row of another posture, as `held_row` makes it."""
         self.model, self.control = model, control
         self._geometry, self._inverse = np.empty(GEOMETRY_SIZE), np.empty(6)
         if geometry is None:
