@@ -38,7 +38,6 @@ class Composed(Disturbance):
             )
 
     def wind(self, k: int) -> Array:
-        """Velocity of the air (3,) in the world at step k [m/s]."""
         if self._winds and k != self._step:
             found, *others = (wind(k) for wind in self._winds)
             for other in others:
@@ -47,7 +46,6 @@ class Composed(Disturbance):
         return self._wind
 
     def state(self, k: int, state: Array) -> Array:
-        """The plant's state (n,) at step k, disturbed."""
         for disturbed in self._states:
             state = disturbed(k, state)
         if self._winds:
@@ -56,7 +54,6 @@ class Composed(Disturbance):
         return state
 
     def measurement(self, k: int, state: Array) -> Array:
-        """The measured state (n,) at step k."""
         if not self.changes_measurements:
             return self.over_ground(k, state)
         if self._measured is not None and self._measured[0] == k:
@@ -81,7 +78,6 @@ class Composed(Disturbance):
         return np.concatenate((self.wind(k), error)) if len(self.names) > len(error) else error
 
     def reset(self) -> None:
-        """Forget the run so far."""
         self._measured = None
         for part in self.parts:
             part.reset()

@@ -57,7 +57,6 @@ class DrydenTurbulence(Disturbance):
         self._rows = Rows(self._blocks)
 
     def wind(self, k: int) -> Array:
-        """Velocity of the air (3,) in the world at step k [m/s]."""
         return self._rows[max(k, 0)]
 
     def _blocks(self) -> Iterator[Array]:

@@ -49,7 +49,6 @@ class MeasurementError(Disturbance):
         self._rows = Rows(self._blocks)
 
     def measurement(self, k: int, state: Array) -> Array:
-        """The measured state (n,) at step k."""
         error = self._rows[k]
         measured: Array = state + error
         if self._turns:

@@ -39,7 +39,6 @@ class Transmission(Disturbance):
         self._used = 0
 
     def measurement(self, k: int, state: Array) -> Array:
-        """The state (n,) that arrived last at step k."""
         if not self._states:
             self._used = k
         self._states[k] = state.copy()
@@ -52,7 +51,6 @@ class Transmission(Disturbance):
         return self._states[self._used]
 
     def reset(self) -> None:
-        """Forget all states."""
         self._states = {}
 
     def _blocks(self) -> Iterator[Integers]:

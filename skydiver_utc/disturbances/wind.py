@@ -41,7 +41,6 @@ class SteadyWind(Disturbance):
         self._velocity, self.acts = settings.velocity, settings.speed_m_s > 0.0
 
     def wind(self, k: int) -> Array:
-        """Velocity of the air (3,) in the world at step k [m/s]."""
         return self._velocity
 
 
@@ -60,7 +59,6 @@ class Gust(Disturbance):
         self._start_s, self._duration_s = settings.start_s, settings.duration_s
 
     def wind(self, k: int) -> Array:
-        """Velocity of the air (3,) in the world at step k [m/s]."""
         since = (k * self._dt_s - self._start_s) / self._duration_s
         if not 0.0 < since < 1.0:
             return STILL_AIR

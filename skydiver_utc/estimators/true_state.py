@@ -20,5 +20,4 @@ class TrueState(Estimator):
         pass
 
     def update(self, measurement: Array) -> Array:
-        """The state (n,) itself."""
         return measurement

@@ -106,7 +106,6 @@ class UnscentedKalmanFilter(Estimator):
         self.telemetry = np.full(len(self.telemetry_names), np.nan)
 
     def predict(self, applied: Array) -> None:
-        """One step of the model under what the actuators applied (a,)."""
         control = np.ascontiguousarray(self._plant.step_control(self._applied, applied), dtype=float)
         self._applied = np.array(applied, dtype=float)
         self._k += 1
@@ -114,7 +113,6 @@ class UnscentedKalmanFilter(Estimator):
         self._step(control)
 
     def update(self, measurement: Any) -> Array:
-        """The estimated state (n,) after the readings that arrived at this step."""
         if self._is_new:
             self._k, self._first, self._is_new = self.step, self.step, False
             self._keep(self._plant.step_control(self._applied, self._applied))

@@ -126,7 +126,6 @@ class FunctionPlant(Plant):
         )
 
     def model_of_step(self, dt_s: float) -> Model:
-        """The model with another step."""
         if not (isinstance(dt_s, Real) and np.isfinite(dt_s) and dt_s > 0.0):
             raise ValueError(f"dt is {dt_s!r}; it must be a number above zero.")
         return self.model._replace(parameters=(float(dt_s),))
@@ -137,11 +136,9 @@ class FunctionPlant(Plant):
         return _made_again, (*functions, (*given[:2], self.dt_s, *given[3:]))
 
     def initial_state(self) -> Array:
-        """The state given."""
         return self._state.copy()
 
     def initial_control(self) -> Array:
-        """The control given."""
         return self._control.copy()
 
 

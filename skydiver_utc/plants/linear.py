@@ -102,5 +102,4 @@ class LinearPlant(Plant):
         self.model = Model(linear_step, linear_outputs, linear_model(settings, dt_s), len(self._initial))
 
     def initial_state(self) -> Array:
-        """The state (n,) of the settings."""
         return self._initial.copy()

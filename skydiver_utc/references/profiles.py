@@ -53,7 +53,6 @@ class Profile(CurveSettings):
         """The profile as a function of the time since the start."""
 
     def curve(self) -> Curve:
-        """The profile from `start_s` on."""
         shape = self.shape()
 
         def value(time_s: float) -> Array:
@@ -91,7 +90,6 @@ class Step(Scaled):
     kind: Literal["step"] = "step"
 
     def shape(self) -> Shape:
-        """The same at all times."""
         size = self.size
         return Shape(lambda since_s: size, abs(size))
 
@@ -103,7 +101,6 @@ class Ramp(Scaled):
     rise_s: Annotated[float, quantity("s", "time to the amplitude", gt=0, le=36000)]
 
     def shape(self) -> Shape:
-        """A line of two points."""
         return _lines((0.0, 0.0), (self.rise_s, self.size))
 
 
@@ -115,7 +112,6 @@ class Trapezoid(Scaled):
     hold_s: Hold
 
     def shape(self) -> Shape:
-        """A line of four points."""
         rise, down = self.rise_s, self.rise_s + self.hold_s
         return _lines((0.0, 0.0), (rise, self.size), (down, self.size), (down + rise, 0.0))
 
@@ -128,7 +124,6 @@ class Doublet(Scaled):
     hold_s: Hold
 
     def shape(self) -> Shape:
-        """A line of six points."""
         size, rise, down = self.size, self.rise_s, self.rise_s + self.hold_s
         up = down + 2.0 * rise + self.hold_s
         return _lines(
@@ -144,7 +139,6 @@ class Sine(Scaled):
     phase_deg: Phase = 0.0
 
     def shape(self) -> Shape:
-        """One sine."""
         return _sines([_sine(self.size, self.frequency_hz, self.phase_deg)])
 
 
@@ -171,7 +165,6 @@ class MultiSine(Scaled):
         return self
 
     def shape(self) -> Shape:
-        """Sines of one amplitude."""
         phases = self.phases_deg or (0.0,) * len(self.frequencies_hz)
         return _sines([_sine(self.size, *pair) for pair in zip(self.frequencies_hz, phases, strict=True)])
 
@@ -204,7 +197,6 @@ class Random(Scaled):
         return range(first, math.floor(round(self.to_hz * self.period_s, _DIGITS)) + 1)
 
     def shape(self) -> Shape:
-        """Sines of the seed."""
         multiples = self._multiples()
         amplitudes = np.random.default_rng(self.seed).normal(size=len(multiples))
         points = _POINTS_OF_A_PERIOD * max(multiples)
@@ -232,7 +224,6 @@ class Chirp(Scaled):
         return self
 
     def shape(self) -> Shape:
-        """The sweep."""
         amplitude, phase = self.size, math.radians(self.phase_deg)
         from_hz, to_hz, duration_s = self.from_hz, self.to_hz, self.duration_s
 
@@ -256,7 +247,6 @@ class Rotation(Profile):
     duration_s: Annotated[float, quantity("s", "length of the rotation", gt=0, le=600)]
 
     def shape(self) -> Shape:
-        """One period of a raised cosine."""
         duration_s, mean = self.duration_s, math.radians(self.angle_deg) / self.duration_s
 
         def value(since_s: float) -> float:

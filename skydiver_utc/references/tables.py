@@ -32,7 +32,6 @@ class Constant(CurveSettings):
         return self
 
     def curve(self) -> Curve:
-        """The same at all times."""
         values = np.array(list(self.values.values()))
         return Curve(tuple(self.values), np.abs(values), lambda time_s: values)
 
@@ -52,7 +51,6 @@ class Points(CurveSettings):
         return self
 
     def curve(self) -> Curve:
-        """A table of one column."""
         return _table((self.output,), [point[0] for point in self.points], [[p[1]] for p in self.points])
 
 

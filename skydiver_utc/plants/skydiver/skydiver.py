@@ -85,12 +85,10 @@ class SkydiverPlant(Plant):
         return state
 
     def initial_control(self) -> Array:
-        """Control (4,) commanded before step 0."""
         initial = self._initial
         return np.array([initial.Cm_damp_yaw, initial.k_right, initial.k_left, initial.alpha])
 
     def model_of_step(self, dt_s: float) -> Model:
-        """The model with another step of integration."""
         constants = self.constants._replace(dt=dt_s, work=np.full_like(self.constants.work, np.nan))
         return self.model._replace(parameters=constants)
 
@@ -99,17 +97,14 @@ class SkydiverPlant(Plant):
         return Reduced(belly_to_earth(self.constants), reduced, expanded)
 
     def initial_applied(self) -> Array:
-        """The actuators' state (5,) before step 0: the control, and the rate of alpha [rad/s]."""
         return np.append(self.initial_control(), 0.0)
 
     def actuate(self, command: Array, before: Array) -> Array:
-        """The actuators' next state (5,) under a command (4,): bounds, then rates (eq:lim)."""
         after = np.empty(5)
         actuated(command, before, *self._actuators, after)
         return after
 
     def advance(self, state: Array, before: Array, command: Array) -> tuple[Array, Array]:
-        """State (13,) and the actuators' state (5,) one step later, under a command (4,)."""
         if type(self) is not SkydiverPlant:  # it may have a step of its own
             return super().advance(state, before, command)
         out = np.empty(STATE_SIZE + 5)
@@ -131,11 +126,9 @@ class SkydiverPlant(Plant):
         return np.concatenate((applied, before)) if self.constants.limb_reaction else applied[:4]
 
     def joint_angles(self, applied: Array) -> Array:
-        """Joint angles (45,) in rad, in the order of `joint_names`."""
         return self._movement.angles(float(applied[3])).ravel()
 
     def shape_poses(self, state: Array, applied: Array) -> Array:
-        """Centre of mass [m] and attitude x y z w (16, 7) of each segment in the world."""
         from scipy.spatial.transform import Rotation
 
         placed = configuration(self._body, self._movement.angles(float(applied[3])))
@@ -144,7 +137,6 @@ class SkydiverPlant(Plant):
         return np.hstack([state[:3] + attitude.apply(placed.centre), turned.as_quat()])
 
     def shape_forces(self, state: Array, applied: Array) -> Array:
-        """Force of the air on each segment [N] in the world (16, 3)."""
         from scipy.spatial.transform import Rotation
 
         forces = segment_forces(self.constants, state, applied)
@@ -152,11 +144,9 @@ class SkydiverPlant(Plant):
         return found
 
     def robot_description(self) -> str:
-        """The body as URDF."""
         return urdf(self._subject)
 
     def robot_pose(self, state: Array, applied: Array) -> Array:
-        """Mid hip [m] and attitude x y z w of the pelvis (7,) in the world."""
         from scipy.spatial.transform import Rotation
 
         placed = configuration(self._body, self._movement.angles(float(applied[3])))
@@ -165,19 +155,16 @@ class SkydiverPlant(Plant):
         )
 
     def fault(self, state: Array) -> str:
-        """Empty while speed and body rate are those of a falling body."""
         if not _condition(state) & _BEYOND:
             return ""
         speed, rate = math.hypot(*state[7:10]), math.hypot(*state[10:])
         return f"the state left the model (speed {speed:.3g} m/s, body rate {rate:.3g} rad/s)"
 
     def mishap(self, state: Array) -> str:
-        """The body rolled over, where the settings say belly to earth."""
         rolled = self._belly_to_earth and _condition(state) & _ROLLED_OVER
         return "the dorsal axis went below the horizon" if rolled else ""
 
     def is_sound(self, state: Array) -> bool:
-        """Whether a state is neither a fault nor a mishap."""
         if type(self) is not SkydiverPlant:
             return super().is_sound(state)
         return not _condition(state) & (_BEYOND | _ROLLED_OVER if self._belly_to_earth else _BEYOND)
