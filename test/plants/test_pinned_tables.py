@@ -38,9 +38,9 @@ def assert_alike(found: Any, kept: Any, place: str) -> None:
         assert len(found) == len(kept), place
         for i, (new, old) in enumerate(zip(found, kept, strict=True)):
             assert_alike(new, old, f"{place}[{i}]")
-    elif isinstance(kept, float) and "residual" not in place:
-        assert found == pytest.approx(kept, rel=1e-5, abs=1e-8), place
-    elif not isinstance(kept, float):
+    elif isinstance(kept, float):
+        assert found == pytest.approx(kept, rel=1e-5, abs=1e-6 if "residual" in place else 1e-8), place
+    else:
         assert found == kept, place
 
 

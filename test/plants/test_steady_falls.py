@@ -30,7 +30,6 @@ from skydiver_utc.plants.skydiver.steady import (
 )
 from skydiver_utc.plants.skydiver.table_error import TableError
 from skydiver_utc.plants.skydiver.trim import in_posture, straight_fall
-from skydiver_utc.plants.skydiver.yaw import steady_yaw_rates, yaw_acceleration
 
 POSTURES = ("neutral", "back_to_earth", "head_down", "track")
 REST = np.array([0.5, 0.0, 0.0, 0.0])
@@ -125,33 +124,6 @@ def test_the_effect_of_the_controls_is_the_oracles(name):
         np.testing.assert_allclose(effect, expected, rtol=1e-5, atol=1e-4)  # postures from a table
 
 
-def test_modes_have_the_names_of_their_motions():
-    model, (fall, _) = held("neutral")
-    found = {mode.name: mode for mode in modes(linearise(HeldBody(model, REST), fall), fall)}
-    falling = found["fall rate subsidence"]
-    assert falling.time_constant == pytest.approx(fall.speed / (2 * model.gravity), rel=1e-3)
-    assert falling.stable
-    assert found["roll subsidence 1"].shares["roll rate"] > 0.9
-    assert found["yaw subsidence"].shares["yaw rate"] > 0.9
-    assert sum(2 if mode.oscillates else 1 for mode in found.values()) == 8
-    for mode in found.values():
-        assert mode.oscillates == ("oscillation" in mode.name)
-        omega = 2.0 * np.pi * mode.frequency
-        if mode.oscillates:
-            roots = np.roots([1.0, 2.0 * mode.damping_ratio * omega, omega**2])
-            np.testing.assert_allclose(roots[roots.imag > 0], [mode.eigenvalue], rtol=1e-9)
-        else:
-            assert (omega, mode.damping_ratio) == (0.0, 1.0)
-        assert sum(mode.shares.values()) == pytest.approx(1.0)
-
-
-def test_drag_is_odd_so_each_fall_has_an_unstable_reverse():
-    stable, reverse = held("back_to_earth")[1]
-    np.testing.assert_allclose(reverse.velocity, -stable.velocity, atol=1e-6)
-    np.testing.assert_allclose(reverse.up, -stable.up, atol=1e-6)
-    assert stable.pitch_stiffness > 0 > reverse.pitch_stiffness
-
-
 def test_the_reduced_states_of_a_fall_are_its_tilt_rates_and_velocity():
     """From any state and back, but for place and heading; of the straight fall belly to earth nothing accelerates."""
     scenario = scenario_of("back_to_earth")
@@ -164,6 +136,11 @@ def test_the_reduced_states_of_a_fall_are_its_tilt_rates_and_velocity():
     np.testing.assert_allclose(reduce(expand(z)), z, atol=1e-12)
     np.testing.assert_array_equal(expand(z)[:3], np.zeros(3))
     assert np.linalg.norm(expand(z)[3:7]) == pytest.approx(1.0, rel=1e-12)
+    for heading in (0.0, 1.1):
+        attitude = Rotation.from_euler("zyx", [heading, -0.4, 0.3])
+        expected = [*attitude.inv().apply([0.0, 0.0, 1.0])[:2], *z[2:]]
+        state = np.concatenate([np.full(3, heading), attitude.as_quat(), z[5:], z[2:5]])
+        np.testing.assert_allclose(reduce(state), expected, atol=1e-14)
 
 
 def test_the_initial_state_is_that_of_the_settings():
@@ -179,27 +156,18 @@ def test_the_initial_state_is_that_of_the_settings():
 
 
 @pytest.mark.parametrize(
-    ("place", "largest"), [*((i, 500.0) for i in (7, 8, 9)), *((i, 200.0) for i in (10, 11, 12))]
+    ("places", "largest"), [((7, 8, 9), 500.0), ((10, 11, 12), 200.0), ((0, 1, 2), np.inf)]
 )
-def test_a_state_that_no_body_falls_with_is_a_fault(place, largest):
-    plant = SkydiverPlant(scenario_of("neutral").plant, 0.0042)
-    for size, wrong in ((0.99, False), (1.0, True), (-1.0, True), (np.nan, True)):
-        state = np.zeros(13)
-        state[6], state[place] = 1.0, size * largest
-        assert bool(plant.fault(state)) is wrong
-
-
-def test_a_fault_tells_speed_and_body_rate():
-    plant = SkydiverPlant(scenario_of("neutral").plant, 0.0042)
-    state = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 300.0, 0.0, 400.0, 120.0, 0.0, 160.0])
+def test_a_state_that_no_body_falls_with_is_a_fault(places, largest):
+    plant, upright = SkydiverPlant(scenario_of("neutral").plant, 0.0042), np.eye(13)[6]
+    assert plant.is_sound(upright)
+    for place in places:
+        for size, wrong in ((0.99, largest == np.inf), (1.0, True), (-1.0, True), (np.nan, True)):
+            state = upright.copy()
+            state[place] = size * largest
+            assert (bool(plant.fault(state)), plant.is_sound(state)) == (wrong, not wrong)
+    state[7:13] = 300.0, 0.0, 400.0, 120.0, 0.0, 160.0
     assert "speed 500 m/s, body rate 200 rad/s" in plant.fault(state)
-    still = np.eye(13)[6]
-    assert plant.is_sound(still)
-    for place in (0, 1, 2):
-        for value in (np.inf, -np.inf, np.nan):
-            state = still.copy()
-            state[place] = value
-            assert not plant.is_sound(state)
 
 
 class OwnSkydiver(SkydiverPlant):
@@ -236,16 +204,16 @@ def test_a_dorsal_axis_below_the_horizon_is_a_mishap_where_the_settings_say_so(b
         (-3 + 4j, True, 1 / 3, 5 / (2 * np.pi), 0.6),
         (3 + 4j, False, 1 / 3, 5 / (2 * np.pi), -0.6),
         (0.2 + 0.1j, False, 5.0, np.hypot(0.2, 0.1) / (2 * np.pi), -0.2 / np.hypot(0.2, 0.1)),
-        (-0.5, True, 2.0, 0.0, 1.0),
-        (0.5, False, 2.0, 0.0, 1.0),
-        (0.0, False, np.inf, 0.0, 1.0),
+        (-0.5, True, 2.0, None, None),
+        (0.5, False, 2.0, None, None),
+        (0.0, False, None, None, None),
     ],
 )
 def test_numbers_of_a_mode(eigenvalue, stable, time_constant, frequency, damping_ratio):
-    mode = Mode("any", complex(eigenvalue), {})
-    assert (mode.stable, mode.oscillates) == (stable, frequency > 0.0)
-    found = mode.time_constant, mode.frequency, mode.damping_ratio
-    assert found == pytest.approx((time_constant, frequency, damping_ratio))
+    found = Mode("any", complex(eigenvalue), {}).as_dict()
+    assert found["stable"] is stable
+    numbers = found["time_constant_s"], found["frequency_hz"], found["damping_ratio"]
+    assert numbers == pytest.approx((time_constant, frequency, damping_ratio))
 
 
 def test_modes_that_share_no_states_have_their_names_in_order():
@@ -308,35 +276,7 @@ def test_words_and_angles_of_a_fall(up, facing, pitch, bank):
             assert np.rad2deg([fall.pitch, fall.bank]) == pytest.approx([pitch, bank])
 
 
-def test_the_report_of_a_fall_has_its_numbers_in_their_units():
-    scenario = scenario_of("neutral")
-    model, (fall, other) = held("neutral")
-    found = fall_report(scenario)
-    for told, known in ((found, fall), (found["other_falls"][0], other)):
-        assert told["facing"] == known.facing
-        assert told["statically_stable_in_pitch"] is (known.pitch_stiffness > 0.0)
-        assert (told["speed_m_s"], told["fall_rate_m_s"]) == (known.speed, known.fall_rate)
-        angles = np.deg2rad([told["glide_angle_deg"], told["pitch_deg"]])
-        assert angles == pytest.approx([known.glide_angle, known.pitch])
-        residual = told["residual_m_s2"], told["residual_rad_s2"]
-        assert residual == (np.abs(known.residual[:3]).max(), np.abs(known.residual[3:]).max())
-    for told, mode in zip(found["modes"], modes(linearise(HeldBody(model, REST), fall), fall), strict=True):
-        assert complex(*told["eigenvalue_1_s"]) == mode.eigenvalue
-        assert (told["name"], told["stable"], told["shares"]) == (mode.name, mode.stable, mode.shares)
-        assert told["time_constant_s"] == mode.time_constant
-        of_oscillation = (mode.frequency, mode.damping_ratio) if mode.oscillates else (None, None)
-        assert (told["frequency_hz"], told["damping_ratio"]) == of_oscillation
-    turning, alphas = found["turning"], np.array([0.25, 0.5, 0.75, 1.0]) * scenario.plant.limits.alpha[1]
-    np.testing.assert_allclose(turning["alpha_rad"], alphas)
-    assert turning["yaw_acceleration_rad_s2"] == yaw_acceleration(model, fall)
-    dampings = np.array([1 / 12, 1 / 3, 2 / 3, 1.0]) * scenario.plant.limits.Cm_damp_yaw[1]
-    for row, damping in zip(turning["steady"], dampings, strict=True):
-        assert row["Cm_damp_yaw"] == pytest.approx(damping)
-        rates = np.rad2deg(steady_yaw_rates(model, fall, alphas, damping))
-        np.testing.assert_allclose(row["yaw_rate_deg_s"], rates)
-
-
-BENT = [0.0, 10.0, 0.0]
+BENT = skydiver().plant.posture.joint_angles_deg["left_shoulder"] + np.array([0.01, 0.0, 0.0])
 
 
 @pytest.mark.parametrize(
@@ -346,7 +286,7 @@ BENT = [0.0, 10.0, 0.0]
         ({"limits__alpha": [0.5, 1.5], "initial__alpha": 0.5}, "from 0.5 to 1.5 leaves out 0"),
         ({"limits__alpha": [-1.5, -0.5], "initial__alpha": -0.5}, "from -1.5 to -0.5 leaves out 0"),
         ({"posture__joint_angles_deg__left_knee": [170.0, 0.0, 0.0]}, "left_knee flexion"),
-        ({"posture__joint_angles_deg__left_shoulder": BENT}, "posture neutral: this posture has no steady"),
+        ({"posture__joint_angles_deg__left_shoulder": BENT.tolist()}, ["posture neutral", "left and right"]),
     ],
 )
 def test_a_posture_without_a_report_is_named(settings, words):
@@ -374,16 +314,6 @@ def test_a_table_is_too_coarse_beyond_half_a_millimetre_or_5_g_m2():
     assert {"0.5", "0.25"} <= set(str(TableError(5e-4, 0.25, 0.125)).split())
 
 
-@pytest.mark.parametrize("degrees", [0.01, 10.0])
-def test_a_crooked_posture_has_no_straight_fall(degrees):
-    bent = scenario_of("neutral").plant.posture.joint_angles_deg["left_shoulder"] + np.array(
-        [degrees, 0.0, 0.0]
-    )
-    crooked = skydiver(posture__joint_angles_deg__left_shoulder=bent.tolist())
-    with pytest.raises(ParameterError, match="left and right"):
-        straight_falls(model_of(crooked))
-
-
 def test_a_fall_that_there_is_not_is_refused():
     with pytest.raises(ParameterError, match="no straight fall"):
         straight_falls(ball())
@@ -405,54 +335,3 @@ def test_a_steady_turn_turns_steadily_in_the_oracle(alpha, damping):
     assert np.abs(oracle_derivative(scenario_of("neutral"), control)(state)[7:]).max() < 1e-3
     np.testing.assert_allclose(np.cross(near.rates, near.up), 0.0, atol=1e-12)
     assert near.yaw_rate > 0
-
-
-def test_turning_grows_with_alpha_and_falls_with_damping():
-    model, (fall, _) = held("neutral")
-    alphas = np.array([0.5, 1.0, 1.5])
-    rates = np.array([steady_yaw_rates(model, fall, alphas, damping) for damping in (0.5, 2.0, 6.0)])
-    assert rates.shape == (3, 3)
-    assert (np.diff(rates, axis=1) > 0).all()
-    assert (np.diff(rates, axis=0) < 0).all()
-    derivative = oracle_derivative(scenario_of("neutral"), np.array([0.0, 0.0, 0.0, 1.5]))
-    found = derivative(state_of(fall.up, fall.velocity, fall.rates))[12]
-    assert yaw_acceleration(model, fall) == pytest.approx(found, rel=1e-6)
-    assert found > 8.8
-
-
-def test_the_model_has_the_numbers_of_the_settings_times_their_ratios():
-    ratios = {"mass": 1.1, "inertia": 1.2, "drag_area": 1.3, "pattern": 0.9}
-    dampings = {"roll_damping": 1.4, "pitch_damping": 1.5, "yaw_damping": 0.8}
-    plain, scaled = (
-        skydiver(**{f"ratios__{name}": value for name, value in given.items()})
-        for given in ({}, ratios | dampings)
-    )
-    settings, dt_s = plain.plant, plain.dt_s
-    model, of_ratios = model_of(plain), model_of(scaled)
-    assert of_ratios.mass == pytest.approx(1.1 * model.mass)
-    middle = len(model.geometry) // 2  # alpha = 0
-    factors = np.ones(GEOMETRY_SIZE)
-    factors[3 * 16 : INERTIA_AT], factors[INERTIA_AT : INERTIA_AT + 6] = 1.3, 1.2
-    factors[INERTIA_AT + 6 :] = 1.2 * 0.9
-    np.testing.assert_allclose(of_ratios.geometry[middle], factors * model.geometry[middle], atol=1e-12)
-    for found, ratio in ((of_ratios, dampings), (model, dict.fromkeys(dampings, 1.0))):
-        damping = settings.damping
-        volume = 0.5 * damping.reference_area_m2 * damping.reference_length_m**2
-        numbers = [found.damping_volume * factor for factor in (1.0, found.damping_roll, found.damping_pitch)]
-        assert numbers == pytest.approx(
-            [
-                ratio["yaw_damping"] * volume,
-                ratio["roll_damping"] * damping.Cm_damp_roll * volume,
-                ratio["pitch_damping"] * damping.Cm_damp_pitch * volume,
-            ]
-        )
-    assert (model.half_density, model.gravity) == (0.5 * settings.air.density_kg_m3, 9.80665)
-    assert (model.hand_force, model.hand_arm) == (-settings.hands.K_N, settings.hands.lx_m)
-    assert model_of(skydiver(hands__force="dorsal")).hand_force == settings.hands.K_N
-    assert (model.alpha_slew, model.alpha_acceleration) == (
-        settings.limits.alpha_rate * dt_s,
-        settings.limbs.alpha_acceleration,
-    )
-    low, high = settings.limits.alpha
-    assert (model.alpha_first, model.nodes_per_rad) == (low, pytest.approx(64 / (high - low)))
-    assert model.geometry.shape == (65, 9 * 16 + 6 + 3)

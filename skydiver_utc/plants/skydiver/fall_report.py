@@ -9,7 +9,7 @@ from skydiver_utc.body.posture import configuration, posture_angles, refuse_beyo
 from skydiver_utc.parameters import ParameterError, PosturePath, Scenario
 from skydiver_utc.plants.skydiver.linearise import linearise
 from skydiver_utc.plants.skydiver.model import PlantModel, build_model, dressed_body
-from skydiver_utc.plants.skydiver.modes import Mode, modes
+from skydiver_utc.plants.skydiver.modes import modes
 from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall, straight_falls
 from skydiver_utc.plants.skydiver.yaw import steady_yaw_rates, yaw_acceleration
 
@@ -40,7 +40,7 @@ def fall_report(scenario: Scenario) -> dict[str, Any]:
         "joint_angles_deg": {joint: list(row) for joint, row in plant.posture.joint_angles_deg.items()},
         **_of_fall(fall),
         "Cm_damp_yaw": plant.initial.Cm_damp_yaw,
-        "modes": [_of_mode(mode) for mode in modes(linearise(HeldBody(model, control), fall), fall)],
+        "modes": [mode.as_dict() for mode in modes(linearise(HeldBody(model, control), fall), fall)],
         "other_falls": [_of_fall(other) for other in others],
         "turning": _of_turning(model, fall),
     }
@@ -76,18 +76,6 @@ def _of_fall(fall: SteadyFall) -> dict[str, Any]:
         "velocity_in_body_m_s": fall.velocity.tolist(),
         "residual_m_s2": linear,
         "residual_rad_s2": angular,
-    }
-
-
-def _of_mode(mode: Mode) -> dict[str, Any]:
-    return {
-        "name": mode.name,
-        "stable": mode.stable,
-        "eigenvalue_1_s": [mode.eigenvalue.real, mode.eigenvalue.imag],
-        "time_constant_s": mode.time_constant if np.isfinite(mode.time_constant) else None,
-        "frequency_hz": mode.frequency if mode.oscillates else None,
-        "damping_ratio": mode.damping_ratio if mode.oscillates else None,
-        "shares": mode.shares,
     }
 
 

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Modes of a linearised fall, named after the states that take part in them most."""
 
-from collections import Counter
-from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,8 +12,7 @@ from skydiver_utc.plants.skydiver.steady import SteadyFall
 _MOTIONS = ("roll", "pitch", "yaw", "fall rate", "glide", "slide")
 
 
-@dataclass(frozen=True)
-class Mode:
+class Mode(NamedTuple):
     """One mode: a real eigenvalue, or a pair of complex ones of which the upper is kept [1/s].
 
     shares: participation of each of the `STATES`, adding up to 1.
@@ -24,52 +22,41 @@ class Mode:
     eigenvalue: complex
     shares: dict[str, float]
 
-    @property
-    def stable(self) -> bool:
-        """Whether the mode dies out."""
-        return self.eigenvalue.real < 0.0
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data; time constant that of a change by a factor e, None where there is none; undamped frequency.
 
-    @property
-    def oscillates(self) -> bool:
-        """Whether the eigenvalue is complex."""
-        return self.eigenvalue.imag > 0.0
-
-    @property
-    def time_constant(self) -> float:
-        """Time in which the mode changes by a factor e [s]; infinite where it does not."""
-        return 1.0 / abs(self.eigenvalue.real) if self.eigenvalue.real else float("inf")
-
-    @property
-    def frequency(self) -> float:
-        """Undamped natural frequency [Hz], 0 without oscillation."""
-        return abs(self.eigenvalue) / (2.0 * np.pi) if self.oscillates else 0.0
-
-    @property
-    def damping_ratio(self) -> float:
-        """Share of critical damping, negative where the oscillation grows; 1 without oscillation."""
-        return -self.eigenvalue.real / abs(self.eigenvalue) if self.oscillates else 1.0
+        The damping ratio is the share of critical damping, negative where the oscillation grows.
+        """
+        rate, size, oscillates = self.eigenvalue.real, abs(self.eigenvalue), self.eigenvalue.imag > 0.0
+        return {
+            "name": self.name,
+            "stable": rate < 0.0,
+            "eigenvalue_1_s": [rate, self.eigenvalue.imag],
+            "time_constant_s": 1.0 / abs(rate) if rate else None,
+            "frequency_hz": size / (2.0 * np.pi) if oscillates else None,
+            "damping_ratio": -rate / size if oscillates else None,
+            "shares": self.shares,
+        }
 
 
 def modes(matrix: Array, fall: SteadyFall) -> list[Mode]:
     """Modes of a system matrix (8, 8) of `linearise`, fastest first.
 
     A state's participation is the product of its entries in the right and the left eigenvector: it has no unit, so
-    no scale of the states sways the names.
+    no scale of the states sways the names. Of equal names the fastest has the number 1.
     """
     eigenvalues, right = np.linalg.eig(matrix)
     participation = np.abs(right * np.linalg.inv(right).T)
     participation /= participation.sum(axis=0)
-    found = [
-        Mode(
-            _name(complex(value), shares, fall),
-            complex(value),
-            dict(zip(STATES, map(float, shares), strict=True)),
-        )
-        for value, shares in zip(eigenvalues, participation.T, strict=True)
-        if value.imag >= 0.0
-    ]
-    found.sort(key=lambda mode: -abs(mode.eigenvalue))
-    return _numbered(found)
+    upper = [i for i, value in enumerate(eigenvalues) if value.imag >= 0.0]
+    upper.sort(key=lambda i: -abs(complex(eigenvalues[i])))
+    names = [_name(complex(eigenvalues[i]), participation[:, i], fall) for i in upper]
+    found = []
+    for k, (i, name) in enumerate(zip(upper, names, strict=True)):
+        numbered = f"{name} {names[: k + 1].count(name)}" if names.count(name) > 1 else name
+        shares = dict(zip(STATES, map(float, participation[:, i]), strict=True))
+        found.append(Mode(numbered, complex(eigenvalues[i]), shares))
+    return found
 
 
 def _name(value: complex, shares: Array, fall: SteadyFall) -> str:
@@ -89,14 +76,3 @@ def _name(value: complex, shares: Array, fall: SteadyFall) -> str:
     if value.imag > 0.0:
         return f"{motion} oscillation"
     return f"{motion} subsidence" if value.real < 0.0 else f"{motion} divergence"
-
-
-def _numbered(found: list[Mode]) -> list[Mode]:
-    """Equal names made different by a number, the fastest first."""
-    often, seen = Counter(mode.name for mode in found), Counter[str]()
-    numbered = []
-    for mode in found:
-        seen[mode.name] += 1
-        name = f"{mode.name} {seen[mode.name]}" if often[mode.name] > 1 else mode.name
-        numbered.append(Mode(name, mode.eigenvalue, mode.shares))
-    return numbered
