@@ -7,7 +7,7 @@ import paper_utc as paper
 from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import load_scenario
 from skydiver_utc.plants.skydiver.steady import straight_falls
-from skydiver_utc.plants.skydiver.yaw import steady_yaw_rates
+from skydiver_utc.plants.skydiver.yaw import steady_turns
 
 
 def parts(**pose):
@@ -38,8 +38,8 @@ def test_the_damping_fed_forward_is_that_of_the_steady_turn():
     fall = straight_falls(model)[0]
 
     def steady(damping):
-        (rate,) = steady_yaw_rates(model, fall, np.array([most]), damping)
-        return rate
+        (turn,) = steady_turns(model, fall, np.array([most]), damping)
+        return turn.yaw_rate
 
     _, controller = parts(
         K_p=0.0, K_FF=most / steady(constant), Cm_damp_yaw=constant, alpha_feed_forward_max=most

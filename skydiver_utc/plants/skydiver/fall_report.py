@@ -11,7 +11,7 @@ from skydiver_utc.plants.skydiver.linearise import linearise
 from skydiver_utc.plants.skydiver.model import PlantModel, build_model, dressed_body
 from skydiver_utc.plants.skydiver.modes import modes
 from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall, straight_falls
-from skydiver_utc.plants.skydiver.yaw import steady_yaw_rates, yaw_acceleration
+from skydiver_utc.plants.skydiver.yaw import steady_turns, yaw_acceleration
 
 # Shares of the largest pattern angle and of the largest yaw damping at which steady turns are shown.
 _ALPHA_SHARES = (0.25, 0.5, 0.75, 1.0)
@@ -83,11 +83,11 @@ def _of_turning(model: PlantModel, fall: SteadyFall) -> dict[str, Any]:
     alphas = np.array(_ALPHA_SHARES) * model.control_max[3]
     rows = []
     for damping in np.array(_DAMPING_SHARES) * model.control_max[0]:
-        rates = steady_yaw_rates(model, fall, alphas, float(damping))
-        in_deg = [None if rate is None else float(np.rad2deg(rate)) for rate in rates]
+        turns = steady_turns(model, fall, alphas, float(damping))
+        in_deg = [None if turn is None else float(np.rad2deg(turn.yaw_rate)) for turn in turns]
         rows.append({"Cm_damp_yaw": float(damping), "yaw_rate_deg_s": in_deg})
     return {
-        "yaw_acceleration_rad_s2": yaw_acceleration(model, fall),
+        "yaw_acceleration_rad_s2": yaw_acceleration(model, fall, model.control_max[3]),
         "alpha_rad": alphas.tolist(),
         "steady": rows,
     }

@@ -13,7 +13,7 @@ from skydiver_utc.jit import unfused
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.plants.skydiver.dynamics import STATE_SIZE
 from skydiver_utc.plants.skydiver.model import PlantModel
-from skydiver_utc.plants.skydiver.steady import SteadyFall, straight_falls
+from skydiver_utc.plants.skydiver.steady import straight_falls
 from skydiver_utc.rotations import attitude_with_up, up_of_quaternion
 
 
@@ -44,8 +44,4 @@ def belly_to_earth(model: PlantModel) -> Array:
     falls = [fall for fall in straight_falls(model) if fall.facing == "belly to earth"]
     if not falls:
         raise ParameterError("this posture has no straight fall belly to earth: choose another posture")
-    return _of_fall(falls[0])
-
-
-def _of_fall(fall: SteadyFall) -> Array:
-    return np.concatenate([fall.up[:2], fall.rates, fall.velocity])
+    return np.concatenate([falls[0].up[:2], falls[0].rates, falls[0].velocity])

@@ -151,19 +151,30 @@ def straight_falls(model: PlantModel) -> list[SteadyFall]:
     """
     from scipy.optimize import brentq
 
-    weightless = HeldBody(model._replace(gravity=0.0), np.zeros(4))
+    weightless, held = (HeldBody(model._replace(gravity=g), np.zeros(4)) for g in (0.0, model.gravity))
+    still = np.zeros(3)
+
+    def direction(angle: float) -> Array:
+        """Of the velocity, in the symmetry plane: 0 ventral, positive to the head."""
+        return np.array([np.sin(angle), 0.0, -np.cos(angle)])
+
+    def in_wind(angle: float) -> Array:
+        """Accelerations (6,) without gravity at a speed of 1 m/s."""
+        return weightless.accelerations(np.array([0.0, 0.0, 1.0]), direction(angle), still)
 
     def pitch_acceleration(angle: float) -> float:
-        return float(_in_wind(weightless, _in_symmetry_plane(angle))[4])
+        return float(in_wind(angle)[4])
 
     angles = np.linspace(-np.pi, np.pi, _DIRECTIONS) + np.pi / _DIRECTIONS
     values = [pitch_acceleration(angle) for angle in angles]
     found = []
     for left, right, before, after in zip(angles, angles[1:], values, values[1:], strict=False):
         if before * after < 0.0:
-            angle = brentq(pitch_acceleration, left, right, xtol=1e-15)
-            fall = _straight_fall(model, weightless, _in_symmetry_plane(angle))
-            step = 1e-6
+            angle, step = brentq(pitch_acceleration, left, right, xtol=1e-15), 1e-6
+            push = in_wind(angle)[:3]
+            strength = float(np.linalg.norm(push))
+            up, velocity = push / strength, np.sqrt(model.gravity / strength) * direction(angle)
+            fall = SteadyFall(up, velocity, still, held.accelerations(up, velocity, still))
             slope = (pitch_acceleration(angle + step) - pitch_acceleration(angle - step)) / (2 * step)
             found.append(replace(fall, pitch_stiffness=-slope * fall.speed**2))
     if not found:
@@ -198,25 +209,6 @@ def steady_turn(body: HeldBody, near: SteadyFall) -> SteadyFall | None:
     if np.abs(residual).max() > LARGEST_RESIDUAL:
         return None
     return SteadyFall(up, velocity, rates, residual)
-
-
-def _straight_fall(model: PlantModel, weightless: HeldBody, direction: Array) -> SteadyFall:
-    """The straight fall along a direction; its residual says whether it is one."""
-    push = _in_wind(weightless, direction)[:3]
-    strength = float(np.linalg.norm(push))
-    up, velocity = push / strength, np.sqrt(model.gravity / strength) * direction
-    residual = HeldBody(model, weightless.control).accelerations(up, velocity, np.zeros(3))
-    return SteadyFall(up, velocity, np.zeros(3), residual)
-
-
-def _in_wind(weightless: HeldBody, direction: Array) -> Array:
-    """Accelerations (6,) without gravity at a speed of 1 m/s."""
-    return weightless.accelerations(np.array([0.0, 0.0, 1.0]), direction, np.zeros(3))
-
-
-def _in_symmetry_plane(angle: float) -> Array:
-    """Direction of the velocity: 0 ventral, positive to the head."""
-    return np.array([np.sin(angle), 0.0, -np.cos(angle)])
 
 
 def _axis(vector: Array, positive: tuple[str, str, str], negative: tuple[str, str, str]) -> str:

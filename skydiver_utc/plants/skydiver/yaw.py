@@ -11,9 +11,9 @@ from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall, steady_tur
 _STEPS = 6
 
 
-def yaw_acceleration(model: PlantModel, fall: SteadyFall) -> float:
-    """Body acceleration about the dorsal axis [rad/s2] in a straight fall with the whole pattern put in at once."""
-    body = HeldBody(model, np.array([0.0, 0.0, 0.0, model.control_max[3]]))
+def yaw_acceleration(model: PlantModel, fall: SteadyFall, alpha: float) -> float:
+    """Body acceleration about the dorsal axis [rad/s2] in a straight fall with a pattern angle put in at once."""
+    body = HeldBody(model, np.array([0.0, 0.0, 0.0, alpha]))
     return float(body.accelerations(fall.up, fall.velocity, fall.rates)[5])
 
 
@@ -34,11 +34,3 @@ def steady_turns(
         reached = float(alpha)
         found.append(near)
     return found
-
-
-def steady_yaw_rates(
-    model: PlantModel, fall: SteadyFall, alphas: Array, damping: float
-) -> list[float | None]:
-    """Yaw rate [rad/s] of each of the `steady_turns`."""
-    turns = steady_turns(model, fall, alphas, damping)
-    return [None if turn is None else turn.yaw_rate for turn in turns]

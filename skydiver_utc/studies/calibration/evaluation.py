@@ -14,8 +14,8 @@ import numpy as np
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import ParameterError, Parameters, Scenario, SkydiverSettings, load_scenario
 from skydiver_utc.plants.skydiver.model import build_model
-from skydiver_utc.plants.skydiver.steady import HeldBody, falling_straight
-from skydiver_utc.plants.skydiver.yaw import steady_yaw_rates
+from skydiver_utc.plants.skydiver.steady import falling_straight
+from skydiver_utc.plants.skydiver.yaw import steady_turns, yaw_acceleration
 from skydiver_utc.studies.calibration.candidate import build_candidate, skydiver_of
 from skydiver_utc.studies.calibration.settings import Calibration, StaticTarget
 from skydiver_utc.studies.cases import measure
@@ -108,10 +108,9 @@ def _static(target: StaticTarget, candidate: Scenario) -> float | None:
     fall = falling_straight(initial.fall_speed_m_s, math.radians(initial.pitch_deg))
     alpha = plant.limits.alpha[1] if target.alpha is None else target.alpha
     if target.measure == "yaw_acceleration_rad_s2":
-        body = HeldBody(model, np.array([0.0, 0.0, 0.0, alpha]))
-        return float(body.accelerations(fall.up, fall.velocity, fall.rates)[5])
-    (rate,) = steady_yaw_rates(model, fall, np.array([alpha]), target.Cm_damp_yaw)
-    return None if rate is None else math.degrees(rate)
+        return yaw_acceleration(model, fall, alpha)
+    (turn,) = steady_turns(model, fall, np.array([alpha]), target.Cm_damp_yaw)
+    return None if turn is None else math.degrees(turn.yaw_rate)
 
 
 def _judged(value: float | None, bar: Bar, factor: float | None) -> _Judged:
