@@ -3,6 +3,7 @@
 
 import inspect
 from collections.abc import Callable, Sequence
+from functools import partial
 from numbers import Real
 from typing import Any
 
@@ -83,25 +84,25 @@ class FunctionPlant(Plant):
         control_names: Sequence[str] = (),
         output_names: Sequence[str] = (),
     ) -> None:
-        functions, names = (plant, output), (state_names, control_names, output_names)
-        self._given = functions, (state, control, dt, minimum, maximum, rate, *names)
+        self._functions = plant, output
+        settings = {"state": state, "control": control, "minimum": minimum, "maximum": maximum, "rate": rate}
+        names = {"state_names": state_names, "control_names": control_names, "output_names": output_names}
+        self._given: dict[str, Any] = {**settings, **names}
         self._state, self._control = _vector("state", state), _vector("control", control)
         n, m = len(self._state), len(self._control)
-        if not (isinstance(dt, Real) and np.isfinite(dt) and dt > 0.0):
-            raise ValueError(f"dt is {dt!r}; it must be a number above zero.")
-        self.dt_s = float(dt)
+        self.dt_s = _step_length(dt)
         (self.minimum, self.maximum), self.rate = bounds(minimum, maximum, m), rates(rate, m)
         if not ((self.minimum <= self._control) & (self._control <= self.maximum)).all():
             raise ValueError(f"control {self._control.tolist()} is outside its bounds.")
         output = whole_state if output is None else output
-        for given in (plant, output):
-            keep(given)
+        keep(plant)
+        keep(output)
         writes = writes_its_result(plant, 4, _FORM)
         if not callable(output):
             raise ValueError("output must be a function of the state, or None for the whole state.")
         example = (np.full(n, np.nan),) if writes else ()
         following = tried("plant", plant, self._state.copy(), self._control.copy(), self.dt_s, *example)
-        following = example[0] if writes else following
+        following = example[0] if example else following
         if following.shape != (n,):
             raise ValueError(f"plant returns shape {following.shape} for a state of shape ({n},).")
         if not np.isfinite(following).all():
@@ -126,14 +127,11 @@ class FunctionPlant(Plant):
         )
 
     def model_of_step(self, dt_s: float) -> Model:
-        if not (isinstance(dt_s, Real) and np.isfinite(dt_s) and dt_s > 0.0):
-            raise ValueError(f"dt is {dt_s!r}; it must be a number above zero.")
-        return self.model._replace(parameters=(float(dt_s),))
+        return self.model._replace(parameters=(_step_length(dt_s),))
 
     def __reduce__(self) -> Any:
         """Of a plant that goes to another process: the functions given, which are compiled there."""
-        functions, given = self._given
-        return _made_again, (*functions, (*given[:2], self.dt_s, *given[3:]))
+        return partial(FunctionPlant, dt=self.dt_s, **self._given), self._functions
 
     def initial_state(self) -> Array:
         return self._state.copy()
@@ -142,19 +140,10 @@ class FunctionPlant(Plant):
         return self._control.copy()
 
 
-def _made_again(plant: Any, output: Any, given: Sequence[Any]) -> FunctionPlant:
-    names = (
-        "state",
-        "control",
-        "dt",
-        "minimum",
-        "maximum",
-        "rate",
-        "state_names",
-        "control_names",
-        "output_names",
-    )
-    return FunctionPlant(plant, output, **dict(zip(names, given, strict=True)))
+def _step_length(dt: float) -> float:
+    if not (isinstance(dt, Real) and np.isfinite(dt) and dt > 0.0):
+        raise ValueError(f"dt is {dt!r}; it must be a number above zero.")
+    return float(dt)
 
 
 def in_form(template: Any, given: Any, plant: Any, name: str) -> Any:
