@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.body.segments import JOINTS, SEGMENTS, Body, carriers
+from skydiver_utc.body.segments import JOINTS, SEGMENTS, Body, Segment, carriers
 from skydiver_utc.parameters import JointLimits, MovementPattern, ParameterError, Posture
 
 ANGLES = ("flexion", "abduction", "rotation")
@@ -23,19 +23,14 @@ ANGLES = ("flexion", "abduction", "rotation")
 _ROUNDING_RAD = 1e-7
 
 
-def _rotation_signs() -> Array:
-    """Signs (15, 3) that turn flexion, abduction, rotation into angles about the body's y, z, x."""
-    signs = []
-    for segment in SEGMENTS[1:]:
-        if segment.side == 0:
-            signs.append((1.0, 1.0, 1.0))
-        else:
-            flexion = 1.0 if segment.kind == "shank" else -1.0
-            signs.append((flexion, -segment.side, -segment.side))
-    return np.array(signs)
+def _signs(segment: Segment) -> tuple[float, float, float]:
+    """Signs that turn flexion, abduction, rotation into angles about the body's y, z, x."""
+    if segment.side == 0:
+        return 1.0, 1.0, 1.0
+    return 1.0 if segment.kind == "shank" else -1.0, -segment.side, -segment.side
 
 
-_SIGNS = _rotation_signs()
+_SIGNS = np.array([_signs(segment) for segment in SEGMENTS[1:]])
 # Row by row 1 for a segment and all that carry it, else 0: a product with it sums along the way from the root.
 _ON_THE_WAY = np.array([[float(other in carriers(segment)) for other in SEGMENTS] for segment in SEGMENTS])
 

@@ -49,8 +49,6 @@ class PlantModel(NamedTuple):
     control_min: Array
     control_max: Array
     alpha_slew: float
-    alpha_acceleration: float
-    limb_reaction: bool
     dt: float
     work: Array
 
@@ -80,8 +78,6 @@ def build_model(settings: SkydiverSettings, dt_s: float, moves: Movement | None 
         control_min=np.array(settings.limits.minimum),
         control_max=np.array(settings.limits.maximum),
         alpha_slew=settings.limits.alpha_rate * dt_s,
-        alpha_acceleration=settings.limbs.alpha_acceleration,
-        limb_reaction=settings.limbs.reaction,
         dt=dt_s,
         work=np.full((len(_WORK_ROWS), GEOMETRY_SIZE), np.nan),
     )

@@ -53,7 +53,7 @@ class SkydiverPlant(Plant):
     state_message = "odometry"
 
     def __init__(self, settings: SkydiverSettings, dt_s: float) -> None:
-        self.dt_s = dt_s
+        self.dt_s, self._settings = dt_s, settings
         self._movement = movement(settings.posture, settings.pattern, settings.ratios.pattern)
         check_movement(settings, self._movement)
         self.constants: PlantModel = build_model(settings, dt_s, self._movement)
@@ -62,30 +62,26 @@ class SkydiverPlant(Plant):
         self.sensors = sensors(self.constants)
         self.minimum, self.maximum = self.constants.control_min, self.constants.control_max
         self.rate = np.array([np.inf, np.inf, np.inf, settings.limits.alpha_rate])
-        limbs = np.array([dt_s, self.constants.alpha_slew, self.constants.alpha_acceleration])
-        self._actuators = np.array([self.minimum, self.maximum]), limbs, self.constants.limb_reaction
+        limbs = np.array([dt_s, self.constants.alpha_slew, settings.limbs.alpha_acceleration])
+        self._actuators = np.array([self.minimum, self.maximum]), limbs, settings.limbs.reaction
         self.joint_names = joint_angle_names()
         self._body = build_body(settings.subject)
         sizes = ellipsoids(self._body)
         self.shapes = tuple(Shape(segment.name, size) for segment, size in zip(SEGMENTS, sizes, strict=True))
-        self._subject, self._initial = settings.subject, settings.initial
-        self.initial_speed = settings.initial.fall_speed_m_s
-        self._belly_to_earth = settings.belly_to_earth
         fastest_damping(self.model, self.initial_state(), settings.initial.alpha).refuse_longer(dt_s)
 
     def initial_state(self) -> Array:
         """State (13,) at step 0: heading, then pitch, then bank turned; falling straight down in the world."""
-        initial = self._initial
-        quaternion = _quaternion(initial.heading_deg, initial.pitch_deg, initial.bank_deg)
+        initial = self._settings.initial
         state = np.zeros(STATE_SIZE)
         state[2] = initial.altitude_m
-        state[3:7] = quaternion
+        state[3:7] = _quaternion(initial.heading_deg, initial.pitch_deg, initial.bank_deg)
         state[7:10] = -initial.fall_speed_m_s * world_up(state)
         state[10:13] = np.deg2rad([initial.roll_rate_deg_s, initial.pitch_rate_deg_s, initial.yaw_rate_deg_s])
         return state
 
     def initial_control(self) -> Array:
-        initial = self._initial
+        initial = self._settings.initial
         return np.array([initial.Cm_damp_yaw, initial.k_right, initial.k_left, initial.alpha])
 
     def model_of_step(self, dt_s: float) -> Model:
@@ -123,7 +119,7 @@ class SkydiverPlant(Plant):
 
     def step_control(self, before: Array, applied: Array) -> Array:
         """The state of the actuators after and before a step (10,), or the control (4,) where limbs do not react."""
-        return np.concatenate((applied, before)) if self.constants.limb_reaction else applied[:4]
+        return np.concatenate((applied, before)) if self._settings.limbs.reaction else applied[:4]
 
     def joint_angles(self, applied: Array) -> Array:
         return self._movement.angles(float(applied[3])).ravel()
@@ -139,20 +135,19 @@ class SkydiverPlant(Plant):
     def shape_forces(self, state: Array, applied: Array) -> Array:
         from scipy.spatial.transform import Rotation
 
-        forces = segment_forces(self.constants, state, applied)
-        found: Array = Rotation.from_quat(state[3:7]).apply(forces)
-        return found
+        return np.asarray(
+            Rotation.from_quat(state[3:7]).apply(segment_forces(self.constants, state, applied))
+        )
 
     def robot_description(self) -> str:
-        return urdf(self._subject)
+        return urdf(self._settings.subject)
 
     def robot_pose(self, state: Array, applied: Array) -> Array:
         from scipy.spatial.transform import Rotation
 
         placed = configuration(self._body, self._movement.angles(float(applied[3])))
-        return np.hstack(
-            [state[:3] - Rotation.from_quat(state[3:7]).apply(placed.centre_of_mass), state[3:7]]
-        )
+        mid_hip = state[:3] - Rotation.from_quat(state[3:7]).apply(placed.centre_of_mass)
+        return np.concatenate([mid_hip, state[3:7]])
 
     def fault(self, state: Array) -> str:
         if not _condition(state) & _BEYOND:
@@ -161,13 +156,13 @@ class SkydiverPlant(Plant):
         return f"the state left the model (speed {speed:.3g} m/s, body rate {rate:.3g} rad/s)"
 
     def mishap(self, state: Array) -> str:
-        rolled = self._belly_to_earth and _condition(state) & _ROLLED_OVER
+        rolled = self._settings.belly_to_earth and _condition(state) & _ROLLED_OVER
         return "the dorsal axis went below the horizon" if rolled else ""
 
     def is_sound(self, state: Array) -> bool:
         if type(self) is not SkydiverPlant:
             return super().is_sound(state)
-        return not _condition(state) & (_BEYOND | _ROLLED_OVER if self._belly_to_earth else _BEYOND)
+        return not _condition(state) & (_BEYOND | _ROLLED_OVER if self._settings.belly_to_earth else _BEYOND)
 
 
 @unfused
