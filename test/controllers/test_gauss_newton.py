@@ -73,22 +73,21 @@ def controller_of(minimum, maximum, rate, plant=linear):
     )
 
 
-def test_without_active_limits_it_is_the_normal_equations_solution():
-    reference = np.linspace(0.0, 1.0, 7)
+@pytest.mark.parametrize(
+    ("low", "high", "reference", "status"),
+    [
+        (-WIDE, WIDE, np.linspace(0.0, 1.0, 7), Status.SOLVED),
+        (np.array([0.0, -0.1, -0.3]), np.array([0.4, 0.3, 0.25]), np.full(7, 3.0), Status.SATURATED),
+    ],
+    ids=["free", "bounded"],
+)
+def test_with_magnitude_limits_it_is_bounded_least_squares(low, high, reference, status):
     M, t, *_ = least_squares(reference, np.isfinite(NO_RATE))
-    decision = controller_of(-WIDE, WIDE, NO_RATE).decide(STATE, reference[:, None])
-    np.testing.assert_allclose(decision.control, np.linalg.lstsq(M, t, rcond=None)[0][:3], rtol=1e-8)
-    assert decision.status is Status.SOLVED
-
-
-def test_with_magnitude_limits_it_is_bounded_least_squares():
-    low, high, reference = np.array([0.0, -0.1, -0.3]), np.array([0.4, 0.3, 0.25]), np.full(7, 3.0)
-    M, t, *_ = least_squares(reference, np.isfinite(NO_RATE))
-    expected = lsq_linear(M, t, (np.tile(low, 3), np.tile(high, 3)), method="bvls").x
+    expected = lsq_linear(M, t, (np.tile(low, 3), np.tile(high, 3)), method="bvls").x[:3]
     decision = controller_of(low, high, NO_RATE).decide(STATE, reference[:, None])
-    assert np.isin(expected[:3], [low, high]).any()
-    np.testing.assert_allclose(decision.control, expected[:3], atol=1e-8)
-    assert decision.status is Status.SATURATED
+    assert np.isin(expected, [low, high]).any() == (status is Status.SATURATED)
+    np.testing.assert_allclose(decision.control, expected, atol=1e-8)
+    assert decision.status is status
 
 
 @pytest.mark.parametrize(

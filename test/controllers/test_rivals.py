@@ -98,13 +98,11 @@ def diverging(name, step_periods):
 
 @pytest.mark.parametrize("name", ["gauss_newton", "mppi"])
 def test_where_the_model_diverges_the_control_is_kept(name):
-    assert not (diverging(name, 1).status == Status.KEPT_PREVIOUS).any()
+    run = diverging(name, 1)
+    assert not (run.status == Status.KEPT_PREVIOUS).any()
     assert (diverging(name, 10).status == Status.KEPT_PREVIOUS).all()
-
-
-def test_several_samples_have_a_weight():
-    run = diverging("mppi", 1)
-    assert np.median(run.telemetry[:, run.telemetry_names.index("effective_samples")]) > 1.5
+    if name == "mppi":  # several samples have a weight
+        assert np.median(run.telemetry[:, run.telemetry_names.index("effective_samples")]) > 1.5
 
 
 def test_the_scenarios_seed_seeds_the_samples():

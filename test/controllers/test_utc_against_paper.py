@@ -5,7 +5,6 @@ import numpy as np
 import paper_utc as paper
 import plain_utc
 import pytest
-from carts import controller
 from scipy.spatial.transform import Rotation
 
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
@@ -26,33 +25,8 @@ def schedule(k_hyst, **changes):
     return CouplingSchedule(settings, np.diag(paper.VARIANCES), NAMES, Qu_ratio=0.1, dt_s=DT)
 
 
-def nonlinear_plant(x, u, dt):
-    """A toy with the skydiver's controls: yaw driven by alpha and the hands, damped by Cm."""
-    return x + dt * (9.0 * np.sin(u[3]) + 0.3 * (u[2] - u[1]) - 4.0 * u[0] * x - 0.2 * x * np.abs(x))
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_one_step_equals_the_paper(seed):
-    """Random controls, some on their bounds, an indefinite Pu, a nonlinear plant: agreement to 1e-9."""
-    rng = np.random.default_rng(seed)
-    low, high = np.array(paper.U_MIN), np.array(paper.U_MAX)
-    on_bound = rng.random(4)
-    U = np.where(on_bound < 0.3, low, np.where(on_bound > 0.7, high, low + rng.random(4) * (high - low)))
-    signs = rng.choice([-1.0, 1.0], 3)
-    Pu, Qu = paper.initial_covariance(*signs), paper.process_noise(*signs)
-    x, r = rng.normal(0, 3, 1), rng.normal(0, 3, 21)
-    tried = controller(
-        nonlinear_plant, None, state=[0.0], control=paper.U_INITIAL, dt=DT, horizon=20, minimum=low, maximum=high,
-        rate=RATE, P_err=1e-4, covariance_floor=1e-9,
-    )  # fmt: skip
-    tried.reset(U, Pu)
-    result = tried.step(x, r, Qu=Qu)
-    expected = paper.utc_step(
-        U, Pu, x, r, Qu, nonlinear_plant, lambda s: s, lambda s: float(s[0]), paper.Settings(dt=DT)
-    )
-    np.testing.assert_allclose(result.control, expected.U, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(result.predicted, expected.Ypred, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(result.covariance, expected.Pu, rtol=1e-7, atol=1e-7)
+def yaw_rate(state):
+    return float(state[12])
 
 
 class Turn:
@@ -93,6 +67,20 @@ class Turn:
         return paper.Settings(dt=DT, N=self.law.horizon_steps, floor=floor, **of_dynamics, **changes)
 
 
+def assert_controls_alike(turn, expected_step, rtol=1e-9):
+    """Twelve closed-loop steps against the paper's text driving the same plant, begun again after half of them."""
+    x, U, Pu = turn.plant.initial_state(), turn.plant.initial_control(), None
+    for k in range(12):
+        Pu, Qu = turn.covariances(k, Pu)
+        if k == 6:
+            turn.controller.reset(U, Pu)
+        decision = turn.controller.decide(x, turn.window(k))
+        U, Pu, predicted = expected_step(U, Pu, x, turn.window(k), Qu)
+        np.testing.assert_allclose(decision.control, U, rtol=rtol, atol=rtol)
+        assert decision.telemetry[0] == pytest.approx(float(predicted[0]), rel=rtol, abs=1e-11)
+        x = turn.held_step(x, U, DT)
+
+
 @pytest.mark.parametrize(
     ("name", "changes"),
     [
@@ -103,54 +91,38 @@ class Turn:
     ],
 )
 def test_the_skydivers_utc_equals_the_paper(name, changes):
-    """Twelve closed-loop steps against the paper's text driving the same plant, begun again after half of them."""
     turn = Turn(name, **changes)
-    x, U, Pu = turn.plant.initial_state(), turn.plant.initial_control(), None
-    for k in range(12):
-        Pu, Qu = turn.covariances(k, Pu)
-        if k == 6:
-            turn.controller.reset(U, Pu)
-        decision = turn.controller.decide(x, turn.window(k))
-        expected = paper.utc_step(
-            U, Pu, x, turn.window(k)[:, 0], Qu, turn.held_step, lambda s: s[12:13], lambda s: float(s[12]),
-            turn.settings(),
-        )  # fmt: skip
-        np.testing.assert_allclose(decision.control, expected.U, rtol=1e-9, atol=1e-9)
-        assert decision.telemetry[0] == pytest.approx(float(expected.Ypred[0]), rel=1e-9, abs=1e-11)
-        U, Pu = expected.U, expected.Pu
-        x = turn.held_step(x, U, DT)
+
+    def step(U, Pu, x, window, Qu):
+        signal = window[:, 0]
+        return paper.utc_step(
+            U, Pu, x, signal, Qu, turn.held_step, lambda s: s[12:13], yaw_rate, turn.settings()
+        )
+
+    assert_controls_alike(turn, step)
 
 
 def test_further_outputs_equal_the_paper_with_three_outputs():
-    """Yaw rate, roll rate and fall rate tracked together, twelve steps against the paper's text with l = 3."""
+    """Yaw rate, roll rate and fall rate tracked together."""
     outputs = {
         "roll_rate": {"reference": 0.0, "P_err": 1e-4},
         "fall_rate": {"reference": 56.27, "P_err": 0.05},
     }
     turn = Turn("fast_turn_pi_dynamics", outputs=outputs)
-    further = turn.law.outputs
-    P_err = np.diag([turn.law.P_err, *(further[name].P_err for name in ("roll_rate", "fall_rate"))])
+    settings = turn.settings(P_err=np.diag([turn.law.P_err, 1e-4, 0.05]))
 
     def tracked(x):
         return np.array([x[12], x[10], -(Rotation.from_quat(x[3:7]).apply(x[7:10]))[2]])
 
-    x, U, Pu = turn.plant.initial_state(), turn.plant.initial_control(), None
-    for k in range(12):
-        Pu, Qu = turn.covariances(k, Pu)
-        decision = turn.controller.decide(x, turn.window(k))
-        signal = turn.window(k)[:, 0]
-        wanted = np.array([signal[turn.law.horizon_steps], 0.0, turn.scenario.plant.initial.fall_speed_m_s])
-        expected = paper.utc_step(
-            U, Pu, x, signal, Qu, turn.held_step, tracked, lambda s: float(s[12]), turn.settings(P_err=P_err),
-            y_ref=wanted,
-        )  # fmt: skip
-        np.testing.assert_allclose(decision.control, expected.U, rtol=1e-8, atol=1e-8)
-        U, Pu = expected.U, expected.Pu
-        x = turn.held_step(x, U, DT)
+    def step(U, Pu, x, window, Qu):
+        signal, wanted = window[:, 0], np.array([window[turn.law.horizon_steps, 0], 0.0, 56.27])
+        return paper.utc_step(U, Pu, x, signal, Qu, turn.held_step, tracked, yaw_rate, settings, y_ref=wanted)
+
+    assert_controls_alike(turn, step, 1e-8)
 
 
 def test_nominal_controls_are_outputs_of_the_papers_form():
-    """Twelve steps of the fast turn, its outputs the yaw rate and two of the controls."""
+    """The outputs of the fast turn are the yaw rate and two of the controls."""
     nominal = {"Cm_damp_yaw": {"value": 0.3, "variance": 0.1}, "alpha": {"value": 0.0, "variance": 2.0}}
     turn = Turn(TURN, nominal=nominal)
     problem = plain_utc.Problem(
@@ -158,22 +130,7 @@ def test_nominal_controls_are_outputs_of_the_papers_form():
         np.array(paper.U_MAX), RATE * DT, np.diag([turn.law.P_err, 0.1, 2.0]), turn.law.W0,
         turn.law.covariance_floor, None, (0, 3), (0.3, 0.0),
     )  # fmt: skip
-    x, U, Pu = turn.plant.initial_state(), turn.plant.initial_control(), None
-    for k in range(12):
-        Pu, Qu = turn.covariances(k, Pu)
-        decision = turn.controller.decide(x, turn.window(k))
-        U, Pu, _ = plain_utc.step(U, Pu, x, turn.window(k), Qu, problem)
-        np.testing.assert_allclose(decision.control, U, rtol=1e-9, atol=1e-10)
-        x = turn.held_step(x, U, DT)
-
-
-def test_s14_over_the_whole_turn():
-    turn = Turn(TURN)
-    steps = turn.scenario.steps
-    signal = build_reference(turn.scenario).preview(0, steps + 300)[:, 0]
-    found = schedule(238)
-    signs = [np.sign(found.process_noise(signal[k : k + 240], INITIAL)[0, 3]) for k in range(steps)]
-    np.testing.assert_array_equal(signs, paper.s14_sequence(signal, 238, steps, times_reference_sign=True))
+    assert_controls_alike(turn, lambda *given: plain_utc.step(*given, problem))
 
 
 @pytest.mark.parametrize(

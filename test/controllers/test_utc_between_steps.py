@@ -142,14 +142,12 @@ def test_a_reference_that_is_no_number_is_refused(wrong):
 
 def test_an_explanation_tells_which_control_moves_which_output():
     """y = (u0, 0.1 u1) after 8 steps of 0.1 from (0, 0); deviations 0.4; the reference is (1, 0.1) away."""
-    drive = controller(
-        lambda x, u, dt: x + dt * np.array([1.0, 0.1]) * u,
-        None,
-        control=[0.0, 1.0],
-        P_err=[1e-4, 1.0],
-        Pu=0.16,
-    )
-    before = drive.Pu
+    drive, fresh = (
+        controller(
+            lambda x, u, dt: x + dt * np.array([1.0, 0.1]) * u, None, control=[0.0, 1.0], P_err=[1e-4, 1.0], Pu=0.16
+        )
+        for _ in range(2)
+    )  # fmt: skip
     found = drive.explain([0.0, 0.0], [1.0, 0.18])
     np.testing.assert_allclose(found.moves, [[0.32, 0.0], [0.0, 0.032]], atol=1e-12)
     np.testing.assert_allclose(found.distance, [1.0, 0.1], atol=1e-12)
@@ -163,17 +161,8 @@ def test_an_explanation_tells_which_control_moves_which_output():
     assert len({len(line) for line in str(found).splitlines()[1:6]}) == 1
     (hint,) = [hint for hint in found.hints if "P_err" in hint]
     assert re.search(r"y1 is 31\.[23] times", hint)
-    np.testing.assert_array_equal(drive.Pu, before)
-    fresh = controller(
-        lambda x, u, dt: x + dt * np.array([1.0, 0.1]) * u,
-        None,
-        control=[0.0, 1.0],
-        P_err=[1e-4, 1.0],
-        Pu=0.16,
-    )
-    np.testing.assert_array_equal(
-        drive.step([0.0, 0.0], [1.0, 0.0]).control, fresh.step([0.0, 0.0], [1.0, 0.0]).control
-    )
+    after, expected = (made.step([0.0, 0.0], [1.0, 0.0]) for made in (drive, fresh))
+    np.testing.assert_array_equal(after.control, expected.control)
 
 
 ADVICE = {

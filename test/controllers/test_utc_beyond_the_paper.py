@@ -28,12 +28,6 @@ def flown(name, amplitude, frequency, duration, changes=()):
     return metrics(simulate(load_scenario(name, turn | dict(changes))))
 
 
-def test_without_an_option_the_controller_is_the_papers():
-    law = load_scenario(TURN).controller
-    assert (law.aim, law.forgetting_factor, law.coupling.full_acceleration) == ("end_point", 0.0, 0.0)
-    assert [law.nominal, law.outputs, law.after_reference] == [{}, {}, {}]
-
-
 def test_a_reset_forgets_the_side_of_the_turn_before():
     scenario = load_scenario(TURN)
     plant, reference = build_plant(scenario), build_reference(scenario)
@@ -54,20 +48,6 @@ def test_beside_a_coupling_Qu_cannot_be_set():
     controller = build_controller(scenario, build_plant(scenario), build_reference(scenario))
     with pytest.raises(ValueError, match="coupling"):
         controller.Qu = 0.1
-
-
-@pytest.mark.parametrize(
-    "nominal",
-    [
-        {"Cm_damp_yaw": {"value": 9.0, "variance": 0.05}},
-        {"Cm_damp_yaw": {"variance": 0.05}},
-        {"k_left": {"value": -1.0, "variance": 1.0}},
-    ],
-)
-def test_a_nominal_value_outside_the_limits_is_named(nominal):
-    scenario = load_scenario(TURN, {"controller.nominal": nominal})
-    with pytest.raises(ValueError, match=f"nominal.{next(iter(nominal))}"):
-        build_controller(scenario, build_plant(scenario), build_reference(scenario))
 
 
 @pytest.mark.long

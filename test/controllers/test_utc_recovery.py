@@ -43,11 +43,8 @@ def test_a_negative_central_weight_that_makes_C_y_indefinite():
     np.testing.assert_allclose(result.control, [4.0 / 8.5 * (5.0 - 4.0)], rtol=1e-12)
     np.testing.assert_allclose(result.covariance, [[0.1 + 4.0 - 16.0 / 8.5]], rtol=1e-12)
     assert "central point" in result.sentence
-
-
-def test_a_small_spread_needs_no_recovery():
-    result = bent(Pu=0.04, Qu=0.0).step([0.0], 0.1)
-    assert (result.status, result.recovery) == (Status.SOLVED, Recovery.NONE)
+    small = bent(Pu=0.04, Qu=0.0).step([0.0], 0.1)
+    assert (small.status, small.recovery) == (Status.SOLVED, Recovery.NONE)
 
 
 def test_an_indefinite_covariance_is_repaired_and_reported():

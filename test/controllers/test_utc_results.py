@@ -210,14 +210,6 @@ def tank(x, u, dt, pump=1.0):
     return x + dt * (pump * u - 0.4 * np.sqrt(np.maximum(x, 0.0)))
 
 
-def test_offset_free_tracking_changes_nothing_on_the_plant_of_the_model():
-    states = [
-        run(controller(tank, None, state=[1.0], control=0.4, offset_share=share), tank, [1.0], 2.0, 80)[0]
-        for share in (0.0, 1.0)
-    ]
-    np.testing.assert_allclose(states[1], states[0], rtol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("given", "steps"),
     [
