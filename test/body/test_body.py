@@ -76,18 +76,6 @@ def test_positive_directions(joint, degrees, segment, axis, sign):
     assert np.sign(change[axis]) == sign
 
 
-def test_box_forearms_point_to_the_head():
-    result = placed(left_shoulder=[0, 90, -90], left_elbow=[90, 0, 0])
-    i = INDEX["left_forearm"]
-    direction = result.centre[i] - result.proximal[i]
-    np.testing.assert_allclose(direction / np.linalg.norm(direction), [1, 0, 0], atol=1e-12)
-
-
-def test_symmetric_posture_has_symmetric_inertia():
-    inertia = configuration(BODY, posture_angles(SCENARIO.plant.posture)).inertia
-    np.testing.assert_allclose(inertia[[0, 1], [1, 2]], 0.0, atol=1e-12)
-
-
 def test_unknown_joint_is_named():
     posture = Posture(name="p", description="", source="", joint_angles_deg={"left_toe": (0.0, 0.0, 0.0)})
     with pytest.raises(ParameterError, match="left_toe"):

@@ -105,7 +105,7 @@ def test_the_skydivers_utc_equals_the_paper(name, changes):
 def test_further_outputs_equal_the_paper_with_three_outputs():
     """Yaw rate, roll rate and fall rate tracked together."""
     outputs = {
-        "roll_rate": {"reference": 0.0, "P_err": 1e-4},
+        "roll_rate": {"reference": 0.05, "P_err": 1e-4},
         "fall_rate": {"reference": 56.27, "P_err": 0.05},
     }
     turn = Turn("fast_turn_pi_dynamics", outputs=outputs)
@@ -115,7 +115,7 @@ def test_further_outputs_equal_the_paper_with_three_outputs():
         return np.array([x[12], x[10], -(Rotation.from_quat(x[3:7]).apply(x[7:10]))[2]])
 
     def step(U, Pu, x, window, Qu):
-        signal, wanted = window[:, 0], np.array([window[turn.law.horizon_steps, 0], 0.0, 56.27])
+        signal, wanted = window[:, 0], np.array([window[turn.law.horizon_steps, 0], 0.05, 56.27])
         return paper.utc_step(U, Pu, x, signal, Qu, turn.held_step, tracked, yaw_rate, settings, y_ref=wanted)
 
     assert_controls_alike(turn, step, 1e-8)

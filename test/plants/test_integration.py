@@ -57,14 +57,6 @@ def test_it_agrees_with_scipy_and_converges_with_order_four(derivative):
     np.testing.assert_allclose(end(step, 1000), EXACT, atol=1e-10)
 
 
-@pytest.mark.parametrize("derivative", FORMS)
-def test_the_arrays_given_stay_as_they_are(derivative):
-    state, control = START.copy(), CONTROL.copy()
-    rk4(derivative)(state, control, 0.1)
-    np.testing.assert_array_equal(state, START)
-    np.testing.assert_array_equal(control, CONTROL)
-
-
 def test_utc_decides_alike_with_every_form():
     """Plain and jitted, returning and writing, and with an output of plain Python."""
     decisions = []

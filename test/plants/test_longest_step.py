@@ -6,7 +6,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 from skydivers import oracle_derivative
 
 from skydiver_utc.loop.build import build_plant
@@ -32,9 +31,7 @@ def skydiver(dt_s: float, yaw: float, roll: float, pitch: float) -> SkydiverPlan
         damping=given.damping.replace(Cm_damp_roll=roll, Cm_damp_pitch=pitch),
         initial=given.initial.replace(Cm_damp_yaw=yaw, bank_deg=1e-3),
     )
-    plant = build_plant(FALL.replace(dt_s=dt_s, plant=settings))
-    assert isinstance(plant, SkydiverPlant)
-    return plant
+    return build_plant(FALL.replace(dt_s=dt_s, plant=settings))
 
 
 def assert_falls_straight(plant: SkydiverPlant) -> None:
@@ -58,15 +55,14 @@ def longest_step(sentence: str) -> float:
 def test_every_accepted_step_falls_straight_and_every_refusal_names_one_that_is_accepted() -> None:
     accepted, refused = 0, 0
     for dt_s, *dampings in product(STEPS_S, YAW, ROLL, PITCH):
-        sentence = ""
         try:
-            assert_falls_straight(skydiver(dt_s, *dampings))
+            plant = skydiver(dt_s, *dampings)
         except ParameterError as error:
-            sentence = str(error)
-        if sentence:
-            assert f"dt = {dt_s:g} s" in sentence
-            skydiver(longest_step(sentence), *dampings)
-        refused, accepted = refused + bool(sentence), accepted + (not sentence)
+            refused += 1
+            skydiver(longest_step(str(error)), *dampings)
+        else:
+            accepted += 1
+            assert_falls_straight(plant)
     assert accepted > 4
     assert refused > 4
 
@@ -75,7 +71,7 @@ def test_every_accepted_step_falls_straight_and_every_refusal_names_one_that_is_
     ("axis", "dampings"), [("roll", (0.5, 50.0, 8.0)), ("pitch", (0.5, 0.0, 50.0)), ("yaw", (50.0, 0.0, 0.0))]
 )
 def test_the_longest_step_falls_straight(axis: str, dampings: tuple[float, float, float]) -> None:
-    with pytest.raises(ParameterError, match=f"{axis} damping of \\d+ 1/s") as refusal:
+    with pytest.raises(ParameterError, match=f"dt = 0.1 s .*{axis} damping of \\d+ 1/s") as refusal:
         skydiver(0.1, *dampings)
     assert_falls_straight(skydiver(longest_step(str(refusal.value)), *dampings))
 
@@ -94,7 +90,6 @@ def test_the_fastest_damping_is_the_fastest_mode_of_the_fall() -> None:
     """The linearised fall's, over the pattern angles; hands without force, so that its speed is the largest."""
     scenario = load_scenario("bank_recovery", {"plant.hands.K_N": 0.0})
     plant = build_plant(scenario)
-    assert isinstance(plant, SkydiverPlant)
     found = fastest_damping(plant.model, plant.initial_state(), 0.0)
     fall = straight_falls(plant.constants)[0]
     held = [np.array([6.0, 0.0, 0.0, alpha]) for alpha in (-1.5, 0.0, 1.5)]
@@ -115,7 +110,6 @@ def test_hands_that_pull_down_make_the_damping_faster(force: str) -> None:
     for K_N in (0.0, 50.0):
         scenario = load_scenario("bank_recovery", {**limits, **level, "plant.hands.K_N": K_N})
         plant = build_plant(scenario)
-        assert isinstance(plant, SkydiverPlant)
         rates.append(fastest_damping(plant.model, plant.initial_state(), 0.0).rate)
     down = -world_up(plant.initial_state())[2] * plant.constants.mass * plant.constants.gravity
     assert (rates[1] / rates[0]) ** 2 == pytest.approx(1.0 + 4.0 * 50.0 / abs(down), rel=0.01)
@@ -130,7 +124,6 @@ def test_hands_that_pull_down_make_the_damping_faster(force: str) -> None:
 def test_damping_grows_with_the_initial_speed_whatever_its_direction() -> None:
     """Beyond the terminal speed, which counts below it."""
     plant = build_plant(FALL)
-    assert isinstance(plant, SkydiverPlant)
     state = plant.initial_state()
     terminal = fastest_damping(plant.model, state * np.r_[np.ones(7), np.zeros(6)], 0.0).rate
     state[10] = 9.0
@@ -152,15 +145,3 @@ def test_the_longest_step_has_three_digits_and_a_longer_one_is_refused(
     with pytest.raises(ValueError, match="yaw") as refused:
         damping.refuse_longer(1.0001 * longest)
     assert {f"{2.4 / longest:.0f}", f"{rounded:g}"} <= set(str(refused.value).split())
-
-
-def test_outputs_are_body_rates_and_the_speed_downwards() -> None:
-    random = np.random.default_rng(4)
-    outputs = build_plant(FALL).bound_model.outputs
-    for _ in range(5):
-        state, out = random.normal(size=13), np.full(5, np.nan)
-        state[3:7] /= np.linalg.norm(state[3:7])
-        outputs(state, out)
-        downwards = -Rotation.from_quat(state[3:7]).apply(state[7:10])[2]
-        np.testing.assert_allclose(out[:4], [state[12], state[11], state[10], downwards], rtol=1e-12)
-        assert np.isnan(out[4])

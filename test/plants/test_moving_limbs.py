@@ -97,33 +97,6 @@ def test_angular_momentum_is_kept_in_vacuum(spin, dt, nodes, bound):
         assert largest_turn > np.deg2rad(2)
 
 
-def test_body_rates_do_not_jump_when_a_limb_starts():
-    """The actuator's acceleration is finite, so one step changes the rates by no more than h a dt / I allows."""
-    plant = in_vacuum(plant_of()[1])
-    state, held = plant.initial_state(), plant.initial_applied()
-    for _ in range(100):
-        before, held = held, plant.actuate(np.array([0.5, 0.0, 0.0, 1.0]), held)
-        following = plant.step(state, before, held)
-        assert abs(held[4] - before[4]) <= 100.0 * plant.dt_s + 1e-12
-        assert abs(held[4]) <= 3.5 + 1e-12
-        assert np.abs(following[10:13] - state[10:13]).max() < 0.3
-        state = following
-
-
-@pytest.mark.parametrize("target", [0.02, 0.4, 1.5, -1.5])
-def test_the_limbs_arrive_and_stop(target):
-    _, plant = plant_of()
-    held = plant.initial_applied()
-    path = []
-    for _ in range(400):
-        held = plant.actuate(np.array([0.5, 0.0, 0.0, target]), held)
-        path.append(held[3])
-    assert path[-1] == pytest.approx(target, abs=1e-6)
-    assert held[4] == pytest.approx(0.0, abs=1e-3)
-    overshoot = max(np.sign(target) * (np.array(path) - target))
-    assert overshoot < 1e-3
-
-
 def test_limbs_change_their_rate_as_fast_as_they_can_still_brake():
     """Where neither rate nor acceleration is the largest: r^2 = 2 a d at a distance d, or half of it is left."""
     _, plant = plant_of()
@@ -134,6 +107,7 @@ def test_limbs_change_their_rate_as_fast_as_they_can_still_brake():
         target = rng.choice([-1.0, 1.0]) * distance
         _, _, _, reached, rate = plant.actuate(np.array([0.5, 0.0, 0.0, target]), np.r_[np.zeros(4), start])
         assert reached == pytest.approx(0.5 * dt * (start + rate), abs=1e-15)
+        assert max(abs(rate) / 3.5, abs(rate - start) / (most * dt)) <= 1.0 + 1e-12
         found = {
             "rate": abs(abs(rate) - 3.5) < 1e-9,
             "acceleration": abs(abs(rate - start) - most * dt) < 1e-9,
@@ -144,17 +118,6 @@ def test_limbs_change_their_rate_as_fast_as_they_can_still_brake():
         for kind in found:
             kinds[kind] += found[kind]
     assert min(kinds.values()) > 10
-
-
-def test_a_slow_limb_is_a_held_posture():
-    """Without motion both steps are the same step."""
-    (_, moving), (_, held) = plant_of(), plant_of(reaction=False)
-    applied = np.array([0.7, 0.1, 0.4, 0.3, 0.0])
-    state = moving.initial_state()
-    state[10:13] = [0.2, -0.1, 2.0]
-    np.testing.assert_allclose(
-        moving.step(state, applied, applied), held.step(state, applied, applied), rtol=1e-12, atol=1e-13
-    )
 
 
 @pytest.mark.parametrize("rate", [-3.5, 0.7])

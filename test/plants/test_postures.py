@@ -75,12 +75,6 @@ def test_fall_rate_lies_in_its_range(name):
     assert eigenvalues.real.max() < 0
 
 
-def test_order_of_fall_rates():
-    rates = [fall_rate(name) for name in ("slow_fall", "neutral", "fast_fall", "head_down")]
-    assert rates == sorted(rates)
-    assert np.diff(rates).min() > 3
-
-
 def test_track_falls_slower_than_the_box():
     """Than the box in the track's own suit, which falls as a box does, and than neutral in the formation suit."""
     _, _, low, high, _ = TABLE["neutral"]

@@ -3,14 +3,12 @@
 
 import numpy as np
 import pytest
-from own_slots import cart_file
 from refusals import assert_refused
 from runs import CART_PLANT
 from scipy.signal import chirp, find_peaks
 
 from skydiver_utc.loop.build import build_reference
-from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, override, to_yaml
+from skydiver_utc.parameters import ParameterError, from_yaml, override, to_yaml
 
 CART = f"""
 name: cart
@@ -107,13 +105,9 @@ def test_a_random_profile_is_band_limited_and_reaches_its_amplitude():
     assert np.abs(found).max() == pytest.approx(3.0, rel=2e-3)
     assert found[0] == 0.0
     assert len(find_peaks(found)[0]) > 8
-
-
-def test_a_random_profile_repeats_with_its_seed_to_the_bit():
-    seeded = RANDOM + ", seed: 5"
-    assert values(seeded).tobytes() == values(seeded).tobytes()
-    assert np.abs(np.corrcoef(values(RANDOM, 2000), values(seeded, 2000))[0, 1]) < 0.9
-    assert override(scenario(seeded), {"seed": 9}).reference == scenario(seeded).reference
+    seeded = scenario(RANDOM + ", seed: 5")
+    assert np.abs(np.corrcoef(found, build_reference(seeded).preview(0, 2000)[:, 0])[0, 1]) < 0.9
+    assert override(seeded, {"seed": 9}).reference == seeded.reference
 
 
 @pytest.mark.parametrize("reference", [*LINES, *SINES, RANDOM])
@@ -170,12 +164,3 @@ def test_a_period_of_less_than_ten_steps_is_refused(fast):
     with pytest.raises(ParameterError, match="dt_s"):
         build_reference(scenario(fast))
     build_reference(scenario(fast.replace("11", "10").replace("0.09", "0.1")))
-
-
-def test_a_skydiver_and_a_plant_of_one_s_own_take_the_same_line(tmp_path):
-    for name, output in (("slow_turn_pose_only", "yaw_rate"), (cart_file(tmp_path), "position")):
-        line = {"kind": "doublet", "output": output, "amplitude": 0.2, "hold_s": 0.05, "rise_s": 0.01}
-        run = simulate(load_scenario(name, {"reference": line, "duration_s": 0.2}))
-        assert run.tracked_names == (output,)
-        assert np.abs(run.reference).max() == pytest.approx(0.2)
-        assert run.outcome.value == "completed"
