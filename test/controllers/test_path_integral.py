@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Path-integral control on a linear-quadratic toy: what it converges to is known in closed form."""
+"""Path-integral control on a linear-quadratic toy: the mean of its samples is known in closed form."""
 
 import numba
 import numpy as np
 import pytest
-from scipy.linalg import solve_discrete_lyapunov
 
 from skydiver_utc import FunctionPlant
 from skydiver_utc.controllers.path_integral import PathIntegralController
@@ -76,19 +75,6 @@ def test_one_step_is_the_mean_of_the_weighted_density(seed):
     bound = 5.0 * np.sqrt(np.diag(sampling_covariance(START, 20000)))
     assert (error < bound).all()
     assert (bound < 0.3 * np.abs(START - one_step_from(START))).all()
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_it_converges_to_the_minimiser_within_the_sampling_error(seed):
-    """Each step shrinks the distance by PRECISION^-1 DEVIATION^-2 and adds a sampling error."""
-    shrink = np.linalg.solve(PRECISION, np.diag(DEVIATION**-2.0))
-    stationary = solve_discrete_lyapunov(shrink, sampling_covariance(MINIMISER, 4000))
-    controller = controller_of(4000, seed)
-    for _ in range(60):
-        decision = decided(controller)
-    bound = 5.0 * np.sqrt(np.diag(stationary))
-    assert (np.abs(decision.control - MINIMISER) < bound).all()
-    assert (bound < 0.1).all()
 
 
 def test_one_seed_gives_the_same_bits_and_another_does_not():

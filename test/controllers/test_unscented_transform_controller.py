@@ -171,17 +171,6 @@ def test_decide_is_step_in_the_slot_of_a_controller():
         assert len(told) == len(slot.telemetry_names)
 
 
-def test_reset_and_start_from_another_control_and_covariance():
-    drive = controller()
-    first = drive.step([0.0, 0.0], 1.0)
-    second = drive.step([0.0, 0.1], 1.0)
-    drive.reset(first.control, first.covariance)
-    np.testing.assert_array_equal(drive.step([0.0, 0.1], 1.0).control, second.control)
-    drive.reset()
-    np.testing.assert_array_equal(drive.control, [0.0])
-    np.testing.assert_array_equal(drive.step([0.0, 0.0], 1.0).control, first.control)
-
-
 def test_what_is_handed_out_is_a_copy():
     drive = controller()
     result = drive.step([0.0, 0.0], 0.01)

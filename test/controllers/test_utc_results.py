@@ -56,13 +56,6 @@ def test_a_control_that_moves_no_output_is_a_status_that_names_the_output(case):
     assert "horizon" in result.sentence
 
 
-def test_a_horizon_beyond_the_dead_time_has_an_effect():
-    drive = controller(delayed, first, state=np.zeros(11), horizon=14)
-    states, results = run(drive, delayed, np.zeros(11), 0.5, 120)
-    assert {result.status for result in results} <= {Status.SOLVED, Status.SATURATED}
-    assert states[-1, 0] == pytest.approx(0.5, abs=1e-3)
-
-
 def test_an_effect_at_one_step_of_the_horizon_is_enough():
     drive = controller(delayed, first, state=np.zeros(11), horizon=(1, 14))
     assert drive.step(np.zeros(11), 0.1).status is Status.SOLVED

@@ -182,16 +182,6 @@ def test_a_fourth_parameter_with_a_default_is_no_array_to_write_to():
         np.testing.assert_allclose(controller(form).step([0.0, 0.0], 0.05).control, expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("jitted", [False, True], ids=["plain", "jitted"])
-def test_a_plant_that_writes_its_state_is_the_one_that_returns_it(jitted):
-    def write(x, u, dt, out):
-        out[0] = x[0] + dt * x[1]
-        out[1] = x[1] + dt * u[0]
-
-    written = controller(numba.njit(write) if jitted else write).step([0.1, 0.2], 0.3)
-    np.testing.assert_allclose(written.control, controller().step([0.1, 0.2], 0.3).control, rtol=1e-12)
-
-
 def slip(x, u, dt):
     """The commonest: u is an array of one."""
     return np.array([x[0] + dt * x[1], x[1] + dt * u])

@@ -77,13 +77,6 @@ def test_the_pattern_s_ratio_moves_the_joints_by_as_much(name: str) -> None:
     np.testing.assert_allclose(less - rest, 0.8 * (moved - rest), atol=1e-12)
 
 
-def test_the_turn_is_that_of_the_smaller_pattern_angle() -> None:
-    weak = accelerations(true_plant(ratios__pattern=0.75), np.array([0.5, 0.0, 0.0, 0.8]))
-    np.testing.assert_allclose(
-        weak, accelerations(true_plant(), np.array([0.5, 0.0, 0.0, 0.6])), rtol=1e-4, atol=1e-6
-    )
-
-
 def test_actuators_follow_a_step_with_the_lag_s_time_constant() -> None:
     """On any plant; and the controller's model has no lag, so that the command is the same."""
     held = {"reference": {"kind": "constant", "values": {"force": 2.0}}, "truth.actuator_lag_s": 0.4}

@@ -81,27 +81,19 @@ def test_in_a_steady_wind_the_body_drifts_and_falls_as_in_still_air() -> None:
 
 
 def test_winds_add_up() -> None:
-    winds = [
-        {"kind": "steady_wind", "speed_m_s": 3.0, "to_deg": 0.0},
-        {"kind": "gust", "speed_m_s": 4.0, "to_deg": 90.0, "start_s": 0.0, "duration_s": 1.0},
-        {"kind": "dryden", "sigma_m_s": 2.0},
-        {"kind": "dryden", "sigma_m_s": 2.0},
-    ]
-    together, first, second, third, fourth = (
-        disturbance(chosen) for chosen in (winds, *([w] for w in winds))
-    )
+    """Two of turbulence have random numbers of their own, by their places in the list."""
+    steady = {"kind": "steady_wind", "speed_m_s": 3.0, "to_deg": 0.0}
+    gust = {"kind": "gust", "speed_m_s": 4.0, "to_deg": 90.0, "start_s": 0.0, "duration_s": 1.0}
+    rough, calm = ({"kind": "dryden", "sigma_m_s": sigma} for sigma in (2.0, 0.0))
     k = 119
-    np.testing.assert_allclose(first.wind(k) + second.wind(k), [3.0, 4.0, 0.0], atol=1e-3)
-    turbulence = together.wind(k) - first.wind(k) - second.wind(k)
-    # Each has its own place in the list, and with it its own random numbers.
-    assert not np.allclose(turbulence, third.wind(k) + fourth.wind(k))
-    pair = disturbance([*winds[:2], winds[2]]).wind(k) - disturbance([*winds[:2]]).wind(k)
-    rest = (
-        disturbance([*winds[:2], {**winds[2], "sigma_m_s": 0.0}, winds[3]]).wind(k)
-        - first.wind(k)
-        - second.wind(k)
+    even = disturbance([steady, gust]).wind(k)
+    np.testing.assert_allclose(even, [3.0, 4.0, 0.0], atol=1e-3)
+    both, first, second = (
+        disturbance([steady, gust, *chosen]).wind(k) - even
+        for chosen in ((rough, rough), (rough,), (calm, rough))
     )
-    np.testing.assert_allclose(turbulence, pair + rest, rtol=1e-12)
+    np.testing.assert_allclose(both, first + second, rtol=1e-12)
+    assert not np.allclose(first, second)
 
 
 def test_the_turbulence_of_a_step_depends_on_seed_and_step_alone() -> None:

@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 from command_line import invoke
 from scipy.optimize import brentq
-from skydivers import falling_straight, joint_angles, oracle_derivative, skydiver
+from skydivers import falling_straight, oracle_derivative, skydiver
 
 from skydiver_utc.parameters.loading import config_folder
 from skydiver_utc.parameters.yaml_io import read_yaml
-from skydiver_utc.plants.skydiver.trim import straight_fall
 
 # Posture by segment table and suit: a body scaled as a whole balances in the same posture.
 ATHLETES = {
@@ -50,19 +49,6 @@ def test_every_subject_falls_straight_in_its_neutral_posture(subject, suit):
     assert 50 < speed < 65
 
 
-@pytest.mark.parametrize(
-    ("subject", "suit"), [("average", "standard"), ("light", "formation"), ("light", "standard")]
-)
-@pytest.mark.long
-def test_every_subject_is_trimmed_from_the_box(subject, suit):
-    """`straight_fall` ends in the committed posture, with a residual below 1e-6; the other postures: by a command."""
-    scenario = scenario_of(subject, suit, "box")
-    trim = straight_fall(scenario, scenario.plant.posture, scenario.plant.initial.pitch_deg)
-    assert np.abs(trim.residual).max() < 1e-6
-    committed = joint_angles(scenario_of(subject, suit))
-    np.testing.assert_allclose(trim.angles, committed, atol=1e-5)
-
-
 def test_the_wider_suit_falls_slower_and_turns_faster():
     speed, turn = {}, {}
     for subject, suit in ATHLETES:
@@ -85,22 +71,29 @@ def test_a_skydiver_is_one_choice_and_falls_straight_from_the_start(name):
     assert np.abs(accelerations).max() < 0.02
 
 
-@pytest.mark.parametrize("name", SKYDIVERS)
-def test_the_neutral_posture_is_made_again_by_its_command(name, tmp_path):
-    """All but the name, which is that of the file."""
-    posture = f"{SKYDIVERS[name][0]}.yaml"
-    path = tmp_path / posture
-    settings = [f"--set=plant.skydiver={name}", "--set=plant.posture=box"]
-    arguments = ["pattern", "neutral", "bank_recovery", *settings, "--out", str(path)]
-    assert invoke(*arguments).exit_code == 0
-    made, committed = read_yaml(path), read_yaml(config_folder() / "postures" / posture)
-    for joint, degrees in committed.pop("joint_angles_deg").items():
-        np.testing.assert_allclose(made["joint_angles_deg"][joint], degrees, atol=1e-4)
-        np.testing.assert_array_equal(
-            made["joint_angles_deg"][joint], np.round(made["joint_angles_deg"][joint], 9)
-        )
-    made.pop("joint_angles_deg")
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("neutral", ["skydiver=athlete"]),
+        ("neutral_paper", ["skydiver=paper"]),
+        pytest.param("neutral_standard", ["subject.suit=standard"], marks=pytest.mark.long),
+        pytest.param("neutral_female", ["subject=light"], marks=pytest.mark.long),
+        pytest.param(
+            "neutral_female_standard", ["subject=light", "subject.suit=standard"], marks=pytest.mark.long
+        ),
+    ],
+)
+def test_a_neutral_posture_is_made_again_by_its_command(name, settings, tmp_path):
+    """From the box; all but the name, which is that of the file."""
+    path = tmp_path / f"{name}.yaml"
+    of = [f"--set=plant.{setting}" for setting in [*settings, "posture=box"]]
+    assert invoke("pattern", "neutral", "bank_recovery", *of, "--out", str(path)).exit_code == 0
+    made, committed = read_yaml(path), read_yaml(config_folder() / "postures" / path.name)
+    made_angles, angles = made.pop("joint_angles_deg"), committed.pop("joint_angles_deg")
     assert made == committed
+    for joint, degrees in angles.items():
+        np.testing.assert_allclose(made_angles[joint], degrees, atol=1e-4)
+        np.testing.assert_array_equal(made_angles[joint], np.round(made_angles[joint], 9))
 
 
 def test_a_file_that_cannot_be_written_is_refused(tmp_path):
