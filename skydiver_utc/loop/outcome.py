@@ -31,8 +31,6 @@ class OutcomeMonitor:
 
     def observe(self, k: int, state: Array) -> bool:
         """Check the state (n,) at step k; False when the run cannot go on."""
-        if self._plant.is_sound(state):
-            return True
         if fault := self._plant.fault(state):
             self.end(Outcome.DIVERGED, f"{fault} at {k * self._dt_s:.3f} s")
             return False

@@ -228,7 +228,3 @@ class Plant(ABC):
     def mishap(self, state: Array) -> str:
         """A mishap that does not end the run, in words; empty without one."""
         return ""
-
-    def is_sound(self, state: Array) -> bool:
-        """Whether a state is neither a fault nor a mishap."""
-        return not (self.fault(state) or self.mishap(state))

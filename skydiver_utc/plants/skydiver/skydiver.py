@@ -159,11 +159,6 @@ class SkydiverPlant(Plant):
         rolled = self._settings.belly_to_earth and _condition(state) & _ROLLED_OVER
         return "the dorsal axis went below the horizon" if rolled else ""
 
-    def is_sound(self, state: Array) -> bool:
-        if type(self) is not SkydiverPlant:
-            return super().is_sound(state)
-        return not _condition(state) & (_BEYOND | _ROLLED_OVER if self._settings.belly_to_earth else _BEYOND)
-
 
 @unfused
 def _condition(state: Array) -> int:
