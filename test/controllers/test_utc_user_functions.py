@@ -62,30 +62,6 @@ def test_a_point_beyond_what_a_function_covers_has_diverged_and_the_cause_is_tol
     assert drive.step([-0.2], -0.2).cause == ""
 
 
-@pytest.mark.parametrize("jitted", [False, True], ids=["plain", "jitted"])
-@pytest.mark.long
-def test_a_mass_matrix_that_is_singular_at_one_point(jitted):
-    """From 0.3 the points are u = 0, sqrt(0.6 / 0.75) and its negative: the last is below zero on step 5 of 8.
-
-    What is left are two points of weight 1/4 and 3/8, scaled to one: outputs 0.3 and 0.3 + 0.8 u, exactly linear.
-    """
-
-    def singular(x, u, dt):
-        return x + dt * np.linalg.solve(np.array([[1.0 if x[0] >= 0.0 else 0.0]]), u)
-
-    plant = numba.njit(error_model="numpy")(singular) if jitted else singular
-    drive = controller(plant, None, state=[0.3], Pu=0.6, P_err=1e-4)
-    result = drive.step([0.3], 0.4)
-    weights, points = np.array([0.25, 0.375]) / 0.625, np.array([0.0, np.sqrt(0.8)])
-    mean = weights @ points
-    variance = weights @ (points - mean) ** 2
-    gain = 0.8 * variance / (0.64 * variance + 1e-4)
-    np.testing.assert_allclose(result.control, mean + gain * (0.4 - 0.3 - 0.8 * mean), rtol=1e-12)
-    assert (result.status, result.lost) == (Status.REPAIRED, 1)
-    assert "LinAlgError" in result.cause
-    assert_usable(drive.step([0.3], 0.4))
-
-
 def test_a_jitted_division_by_zero_is_a_divergence_too():
     @numba.njit
     def plant(x, u, dt):

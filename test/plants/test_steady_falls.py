@@ -94,25 +94,6 @@ def ball():
     return model._replace(geometry=np.tile(geometry, (65, 1)))
 
 
-@pytest.mark.parametrize("up", [[0, 0, 1], [0, 0, -1], [-1, 0, 0], [1, 0, 0], [0, 1, 0], [0.6, 0, -0.8]])
-def test_modes_of_a_ball(up):
-    """In any attitude: 2 g/V along the path, g/V across it, -Cm D/I about each axis, and no stiffness in tilt."""
-    model, up = ball(), np.array(up, dtype=float)
-    speed = np.sqrt(model.mass * model.gravity / (model.half_density * 0.5))
-    fall = SteadyFall(up, -speed * up, np.zeros(3), np.zeros(6))
-    assert np.abs(HeldBody(model, REST).accelerations(up, fall.velocity, fall.rates)).max() < 1e-12
-    damping = model.half_density * speed * model.damping_volume
-    expected = [-2 * model.gravity / speed, *(2 * [-model.gravity / speed]), 0.0, 0.0]
-    expected += [
-        -model.damping_roll * damping / 4.0,
-        -model.damping_pitch * damping / 12.0,
-        -0.5 * damping / 14.0,
-    ]
-    found = np.linalg.eigvals(linearise(HeldBody(model, REST), fall))
-    np.testing.assert_allclose(np.sort(found.real), np.sort(expected), rtol=1e-6, atol=1e-6)
-    assert np.abs(found.imag).max() < 1e-6
-
-
 @pytest.mark.parametrize("name", POSTURES)
 def test_the_effect_of_the_controls_is_the_oracles(name):
     model, (fall, _) = held(name)
