@@ -4,14 +4,13 @@
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 from typing_extensions import Self
 
 from skydiver_utc.arrays import Array
 from skydiver_utc.parameters.fields import SlotSettings, text
 
 Component = Literal["linear.x", "linear.y", "linear.z", "angular.x", "angular.y", "angular.z"]
-Values = dict[str, float]
 
 
 class Live:
@@ -22,14 +21,13 @@ class Live:
 
         kind: Literal["live"] = "live"
         outputs: Annotated[dict[str, Component], text("component of the twist for each output")]
-        initial: Annotated[Values, text("value of an output before the first message; else 0")] = Field({})
-        amplitude: Annotated[Values, text("largest value of an output, for the figures; else 0")] = Field({})
+        initial: Annotated[dict[str, float], text("value of an output before the first message; else 0")] = {}
 
         @model_validator(mode="after")
         def _check(self) -> Self:
             if not self.outputs:
                 raise ValueError("outputs is empty: name at least one, such as yaw_rate: angular.z")
-            if unknown := {*self.initial, *self.amplitude} - set(self.outputs):
+            if unknown := set(self.initial) - set(self.outputs):
                 raise ValueError(
                     f"{', '.join(sorted(unknown))} has a value and is not among the outputs: add it"
                 )
@@ -38,7 +36,7 @@ class Live:
     def __init__(self, settings: Settings, dt_s: float) -> None:
         self.outputs = tuple(settings.outputs)
         self.components = tuple(settings.outputs.values())
-        self.amplitude: Array = np.array([abs(settings.amplitude.get(name, 0.0)) for name in self.outputs])
+        self.amplitude: Array = np.zeros(len(self.outputs))
         self._values: Array = np.array([settings.initial.get(name, 0.0) for name in self.outputs])
 
     def receive(self, values: Array) -> None:
