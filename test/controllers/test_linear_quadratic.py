@@ -1,21 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The linear-quadratic gains against batch least squares over a long horizon, and the skydiver's linear model."""
+"""The linear-quadratic gains against batch least squares over a long horizon."""
 
 from functools import cache
 
 import numpy as np
 import pytest
-from scipy.linalg import logm
 
 from skydiver_utc import FunctionPlant
-from skydiver_utc.controllers.linear_quadratic import LinearQuadraticController, linearised
+from skydiver_utc.controllers.linear_quadratic import LinearQuadraticController
 from skydiver_utc.controllers.protocol import Status
 from skydiver_utc.controllers.settings import LqrSettings
-from skydiver_utc.loop.build import build_plant
-from skydiver_utc.parameters import load_scenario
-from skydiver_utc.plants.skydiver.linearise import linearise
-from skydiver_utc.plants.skydiver.reduced import belly_to_earth
-from skydiver_utc.plants.skydiver.steady import HeldBody, straight_falls
 
 A = np.array([[0.9, 0.2, 0.0], [-0.1, 0.85, 0.1], [0.0, 0.05, 0.7]])
 B = np.array([[0.1, 0.0], [0.0, 0.4], [0.3, 0.1]])
@@ -83,39 +77,3 @@ def test_it_does_not_wind_up_at_a_limit():
     assert decision.status is Status.SATURATED
     back = np.full((6, 1), -50.0)
     np.testing.assert_array_equal(waited.decide(STATE, back).control, fresh.decide(STATE, back).control)
-
-
-@pytest.fixture(scope="module")
-def skydiver():
-    """The skydiver and its linear model (A, B) about the fall belly to earth."""
-    plant, control = build_plant(load_scenario("fast_turn_pose_only")), np.array([0.2, 0.0, 0.0, 0.0])
-    return plant.constants, control, linearised(plant, plant.reduced(control), control, ("yaw_rate",))
-
-
-@pytest.mark.long
-def test_the_linearised_step_has_the_eigenvalues_of_the_linearised_fall(skydiver):
-    """Those of the continuous model, in other coordinates, put through the Runge-Kutta method's polynomial."""
-    model, control, linear = skydiver
-    rates = np.linalg.eigvals(linearise(HeldBody(model, control), straight_falls(model)[0]))
-    z = rates * model.dt
-    expected = 1.0 + z + z**2 / 2.0 + z**3 / 6.0 + z**4 / 24.0
-    for value in np.linalg.eigvals(linear.A):
-        assert np.abs(expected - value).min() < 1e-8
-
-
-def test_the_control_matrix_is_that_of_the_accelerations_integrated(skydiver):
-    """B = (A - 1) log(A)^-1 dt b, b the accelerations by each control, but for the Runge-Kutta method's error."""
-    model, rest, linear = skydiver
-    trim = belly_to_earth(model)
-    integral = (linear.A - np.eye(8)) @ np.linalg.inv(logm(linear.A).real)
-    up = np.append(trim[:2], np.sqrt(1.0 - trim[0] ** 2 - trim[1] ** 2))
-    for column in (1, 2, 3):
-        plus, minus = (
-            HeldBody(model, rest + step * np.eye(4)[column]).accelerations(up, trim[5:], trim[2:5])
-            for step in (1e-4, -1e-4)
-        )
-        slope = (plus - minus) / 2e-4
-        expected = integral @ np.concatenate([np.zeros(2), slope[3:], slope[:3]]) * model.dt
-        np.testing.assert_allclose(linear.B[:, column], expected, atol=1e-3 * np.abs(expected).max())
-    assert linear.B[4, 3] > 0.0
-    np.testing.assert_allclose(linear.B[:, 0], 0.0, atol=1e-12)

@@ -159,14 +159,8 @@ def test_decide_is_step_in_the_slot_of_a_controller():
         decision, result = slot.decide(np.array([place, 0.0]), preview), library.step([place, 0.0], preview)
         np.testing.assert_array_equal(decision.control, result.control)
         assert decision.status is result.status
-        told = [
-            *result.predicted,
-            *result.innovation,
-            *result.deviations,
-            result.repaired,
-            result.recovery,
-            result.lost,
-        ]
+        told = [*result.predicted, *result.innovation, *result.deviations]
+        told += [result.repaired, result.recovery, result.lost]
         np.testing.assert_array_equal(decision.telemetry, told)
         assert len(told) == len(slot.telemetry_names)
 
@@ -398,6 +392,8 @@ def test_a_reference_that_is_not_reached_is_told_in_time_and_controls_are_tried_
         (([0.0, 1j], 0.1), "state"),
         (([0.0, 0.0], [0.1, 0.2, 0.3]), "reference"),
         (([0.0, 0.0], "far"), "reference"),
+        (([0.0, 0.0], None), "reference"),
+        (([0.0, 0.0], [None]), "reference"),
         (([0.0, 0.0], [[0.1]]), "reference"),
         (([0.0, 0.0], 0.1, [1.0, 2.0]), r"Qu .*\(2,\).*\(2, 2\)"),
     ],

@@ -134,12 +134,6 @@ def test_a_copy_goes_on_by_itself_from_the_same_step(copied, functions):
     assert not np.array_equal(drive.Pu, other.Pu) or not np.array_equal(drive.control, other.control)
 
 
-@pytest.mark.parametrize("wrong", [None, "far", [None]])
-def test_a_reference_that_is_no_number_is_refused(wrong):
-    with pytest.raises(ValueError, match="reference"):
-        controller().step([0.0, 0.0], wrong)
-
-
 def test_an_explanation_tells_which_control_moves_which_output():
     """y = (u0, 0.1 u1) after 8 steps of 0.1 from (0, 0); deviations 0.4; the reference is (1, 0.1) away."""
     drive, fresh = (

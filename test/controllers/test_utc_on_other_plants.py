@@ -29,16 +29,8 @@ class Flight(NamedTuple):
         return {result.status for result in self.results}
 
 
-def arm():
-    return TextbookPlant("arm", lead=0.1)
-
-
 def ship():
     return TextbookPlant("ship", lead=20.0)
-
-
-def reactor():
-    return TextbookPlant("reactor")
 
 
 def fly(plant, wanted, settings, steps=300, start=None, arrives=1.0, measured=lambda state: state):
@@ -62,7 +54,7 @@ def fly(plant, wanted, settings, steps=300, start=None, arrives=1.0, measured=la
 
 def test_the_arm_goes_to_new_angles():
     """From (0.5, 0.5) rad to (1, -0.5): within 0.02 rad after 30 steps and for good."""
-    flight = fly(arm(), ANGLES, ARM)
+    flight = fly(TextbookPlant("arm", lead=0.1), ANGLES, ARM)
     assert np.abs(flight.states[30:, :2] - ANGLES).max() < 0.02
     assert np.abs(flight.states[-1] - [*ANGLES, 0.0, 0.0]).max() < 3e-3
     assert flight.statuses <= FINE
@@ -70,7 +62,7 @@ def test_the_arm_goes_to_new_angles():
 
 def test_the_reactor_goes_to_another_concentration():
     """C_b from 0.81 to 0.6 mol/l by two controls: within 0.003 after 60 steps and for good."""
-    flight = fly(reactor(), CONCENTRATION, REACTOR)
+    flight = fly(TextbookPlant("reactor"), CONCENTRATION, REACTOR)
     assert np.abs(flight.states[60:, 1] - 0.6).max() < 3e-3
     assert flight.statuses <= FINE
 
@@ -107,7 +99,7 @@ def test_a_curved_output_has_an_offset_that_the_result_tells_and_an_option_takes
 
 def test_a_concentration_beyond_the_reactors_best_is_not_reached():
     """At most 1.1 mol/l of B can be held: at first UTC moves there, then the status says that it comes no nearer."""
-    flight = fly(reactor(), [1.4], REACTOR | {"innovation": "control"})
+    flight = fly(TextbookPlant("reactor"), [1.4], REACTOR | {"innovation": "control"})
     assert {result.status for result in flight.results[:20]} <= FINE
     assert {result.status for result in flight.results[-50:]} == {Status.NOT_REACHED}
     assert flight.states[-1, 1] > 1.0

@@ -10,11 +10,9 @@ import pytest
 from carts import assert_usable, controller, straight
 
 from skydiver_utc import Status
-from skydiver_utc.analysis.metrics import metrics
 from skydiver_utc.controllers.utc.law import Recovery
 from skydiver_utc.controllers.utc.survivors import next_spread, survived_range, weights_left
 from skydiver_utc.loop.build import build_controller, build_plant, build_reference
-from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import load_scenario
 
 FREE = {"minimum": -np.inf, "maximum": np.inf}
@@ -88,23 +86,6 @@ def test_a_central_weight_of_zero_is_not_negative():
         lambda x, u, dt: 1e8 * (u + u**2 * [1.0, -1.0]), None, horizon=1, P_err=1e-4, Pu=1.0, W0=0.0
     )
     assert drive.step([0.0, 0.0], [0.0, 0.0]).recovery is Recovery.OUTPUTS_REPAIRED
-
-
-def test_an_unstable_pole_whose_growth_exceeds_the_digits_of_a_covariance():
-    """x'' = 36 x + u over 3 s: position and speed grow e^18-fold, as one; every step has an answer."""
-
-    def plant(x, u, dt):
-        return np.array([x[0] + dt * x[1], x[1] + dt * (36.0 * x[0] + u[0])])
-
-    state, found = np.array([0.1, 0.0]), []
-    drive = controller(plant, None, state=state, dt=0.02, horizon=150, P_err=1e-4, minimum=-50, maximum=50)
-    for _ in range(100):
-        result = drive.step(state, [0.0, 0.0])
-        assert result.status is not Status.KEPT_PREVIOUS
-        found.append(result.recovery)
-        state = plant(state, result.control, 0.02)
-    assert Recovery.OUTPUTS_REPAIRED in found
-    assert set(found) <= {Recovery.NONE, Recovery.OUTPUTS_REPAIRED}
 
 
 def linear_without(lost, B, u0, **changes):
@@ -301,16 +282,6 @@ def test_the_range_of_a_control_is_that_of_the_points_that_survive():
     alive = np.array([1.0, 1.0, 1.0, 1.0, 0.0])
     assert survived_range(saved, alive, 0, -1.0, 1.0) == (-0.5, 0.5)
     assert survived_range(saved, alive, 0, -0.1, 0.3) == (-0.1, 0.3)
-
-
-@pytest.mark.long
-def test_the_skydiver_answers_every_step_with_a_negative_central_weight():
-    """From step 61 on with covariances about the central point, where there would be no answer without."""
-    run = simulate(load_scenario(TURN, {"controller.W0": -3.0, "duration_s": 6.0}))
-    recovery = run.telemetry[:, run.telemetry_names.index("recovery")]
-    assert np.flatnonzero(recovery == Recovery.ABOUT_CENTRE)[0] == 61
-    assert not (run.status == Status.KEPT_PREVIOUS).any()
-    assert metrics(run)["rmse_deg_s"] < 20.0
 
 
 def test_the_skydiver_begins_again_with_the_signs_of_the_present_turn():

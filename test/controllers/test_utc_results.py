@@ -130,23 +130,6 @@ def test_the_spread_shrinks_until_points_survive():
     assert results[-1].status is Status.NOT_REACHED
 
 
-def test_after_losses_the_spread_grows_again():
-    """The same plant, defined everywhere from step 40 on."""
-    wide = [False]
-
-    def plant(x, u, dt):
-        if abs(u[0]) > 0.01 and not wide[0]:
-            raise ValueError("the control is outside its table")
-        return x + dt * (u - x)
-
-    drive = controller(plant, None, state=[0.0], horizon=5)
-    run(drive, plant, [0.0], 0.005, 40)
-    wide[0] = True
-    states, results = run(drive, plant, [0.005], 0.5, 100)
-    assert results[-1].spread == 1.0
-    assert states[-1, 0] == pytest.approx(0.5, abs=1e-3)
-
-
 @pytest.mark.parametrize("scale", [1.0, 1e-3, 1e-6, 1e6])
 def test_without_P_err_the_control_does_not_depend_on_the_unit_of_the_output(scale):
     drive = controller(cart, lambda x: scale * x[0])

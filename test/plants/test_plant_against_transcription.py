@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plant's kernels against the equations written out apart from them."""
+"""The plant's kernels against the equations written out apart from them, and against Pinocchio's free body."""
 
 import aerodynamics as oracle
 import numpy as np
@@ -51,6 +51,27 @@ def test_derivative_equals_transcription(seed, direction):
     state_derivative(MODELS[direction], geometry, inverse, control, state, derivative)
     expected = oracle_derivative(scenario, control)(state)
     np.testing.assert_allclose(derivative, expected, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_transcription_accelerates_as_pinocchio_s_free_body(seed):
+    """Velocity, wrench and acceleration in body axes, linear before angular."""
+    pinocchio = pytest.importorskip("pinocchio", reason="needs the wheel `pin`")
+    rng = np.random.default_rng(seed)
+    state, control = random_state(rng), random_control(rng, SCENARIO)
+    posture, constants = (
+        oracle_posture(SCENARIO, joint_angles(SCENARIO, control[3])),
+        oracle_constants(SCENARIO),
+    )
+    wrench = np.concatenate(oracle.force_and_moment(state[7:10], state[10:], control, posture, constants))
+    body = pinocchio.Model()
+    body.gravity.linear = np.array([0.0, 0.0, -9.80665])
+    joint = body.addJoint(0, pinocchio.JointModelFreeFlyer(), pinocchio.SE3.Identity(), "body")
+    inertia = pinocchio.Inertia(posture.m, np.zeros(3), posture.inertia)
+    body.appendBodyToJoint(joint, inertia, pinocchio.SE3.Identity())
+    expected = pinocchio.aba(body, body.createData(), state[:7], state[7:], wrench)
+    found = oracle_derivative(SCENARIO, control)(state)[7:]
+    np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8)
 
 
 @pytest.mark.parametrize("seed", range(5))
