@@ -206,19 +206,6 @@ def utc_step(
     return step(U, Pu, x, wanted, Qu, problem)
 
 
-# --------------------------------------------------------------------------- independent closed forms
-
-
-def linear_oracle(u0: ArrayLike, Pu: ArrayLike, B: ArrayLike, R: ArrayLike, r: ArrayLike) -> Array:
-    """The update for y = B u with no bound active: u0 + K (r - B u0), K = Pu B' (B Pu B' + R)^-1.
-
-    Pu is the covariance that the sigma points are drawn from; Qu is added later and is not in the gain.
-    """
-    u0, Pu, B, R, r = (np.asarray(a, dtype=float) for a in (u0, Pu, B, R, r))
-    u: Array = u0 + Pu @ B.T @ np.linalg.solve(B @ Pu @ B.T + R, r - B @ u0)
-    return u
-
-
 # The paper's axes x, y, z as rows in body axes FLU (x to the head, y to the left, z dorsal). It says z longitudinal, y
 # sagittal, and no direction; both are right-handed with x to the left.
 PAPER_AXES = {

@@ -33,23 +33,3 @@ def test_solid_ellipsoids_have_the_moments_of_the_body():
     mid_hip = state[:3] - world @ placed.centre_of_mass
     assert np.allclose(plant.joint_angles(applied), joint_angles(scenario, alpha).ravel())
     assert np.allclose(plant.robot_pose(state, applied), [*mid_hip, *state[3:7]], atol=1e-9)
-
-
-def test_the_forces_on_the_segments_add_up_to_the_acceleration():
-    scenario = load_scenario("fast_turn_unknown_dynamics", {"plant.initial.yaw_rate_deg_s": 60.0})
-    plant = SkydiverPlant(scenario.plant, scenario.dt_s)
-    state, applied = plant.initial_state(), np.array([3.0, 0.05, -0.1, 0.2, 0.0])
-    dt = 1e-5
-    following, model = np.empty(13), plant.model_of_step(dt)
-    model.bound(4, 4).step(state, applied[:4], following)
-
-    def velocity(x):
-        return Rotation.from_quat(x[3:7]).apply(x[7:10])
-
-    acceleration = (velocity(following) - velocity(state)) / dt
-    weight = plant.constants.mass * np.array([0.0, 0.0, -plant.constants.gravity])
-
-    forces = plant.shape_forces(state, applied)
-
-    assert forces.shape == (len(plant.shapes), 3)
-    np.testing.assert_allclose(forces.sum(axis=0) + weight, plant.constants.mass * acceleration, atol=0.05)
