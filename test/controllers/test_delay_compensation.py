@@ -10,22 +10,9 @@ import pytest
 from skydiver_utc.controllers.delay import DelayCompensation
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.loop.build import build_controller, build_plant, build_reference
-from skydiver_utc.parameters import Scenario, load_scenario
+from skydiver_utc.parameters import load_scenario
 
 SCENARIO = "fast_turn_unknown_dynamics"
-
-
-def states_delayed(scenario: Scenario, controller: Any, delay: int) -> list[Any]:
-    """Of a flight in which the command for k acts on [t_k+delay, t_k+delay+1)."""
-    plant, reference = build_plant(scenario), build_reference(scenario)
-    state, held = plant.initial_state(), plant.initial_applied()
-    waiting = deque([held[:4]] * delay)
-    states = [state]
-    for k in range(scenario.steps):
-        waiting.append(controller.decide(state, reference.preview(k, controller.preview_steps + 1)).control)
-        state, held = plant.advance(state, held, waiting.popleft())
-        states.append(state)
-    return states
 
 
 class Spy:
@@ -52,30 +39,30 @@ class Spy:
 
 @pytest.mark.parametrize("delay", [1, 2, 5])
 def test_the_controller_decides_on_the_state_to_come(delay: int) -> None:
+    """In a flight in which the command for k acts on [t_k+delay, t_k+delay+1)."""
     scenario = load_scenario(SCENARIO, {"duration_s": 1.0})
-    spy = Spy()
-    controller = DelayCompensation(spy, build_plant(scenario), delay)
+    plant, reference, spy = build_plant(scenario), build_reference(scenario), Spy()
+    controller = DelayCompensation(spy, plant, delay)
     assert controller.preview_steps == spy.preview_steps + delay
-    states = states_delayed(scenario, controller, delay)
-    reference = build_reference(scenario)
-    for k, (state, preview) in enumerate(spy.shown[: scenario.steps - delay]):
-        assert state.tobytes() == states[k + delay].tobytes()
+    state, held = plant.initial_state(), plant.initial_applied()
+    states, waiting = [state], deque([held[:4]] * delay)
+    for k in range(scenario.steps):
+        waiting.append(controller.decide(state, reference.preview(k, controller.preview_steps + 1)).control)
+        state, held = plant.advance(state, held, waiting.popleft())
+        states.append(state)
+    for k, (shown, preview) in enumerate(spy.shown[: scenario.steps - delay]):
+        assert shown.tobytes() == states[k + delay].tobytes()
         assert preview.tobytes() == reference.preview(k + delay, spy.preview_steps + 1).tobytes()
 
 
 def test_after_resuming_the_held_control_is_that_of_the_flight() -> None:
-    scenario = load_scenario(SCENARIO, {"duration_s": 0.1})
-    spy = Spy()
-    controller = DelayCompensation(spy, build_plant(scenario), 2)
-    held = np.array([4.0, 0.3, 0.0, 0.5])
+    plant, spy, held = build_plant(load_scenario(SCENARIO)), Spy(), np.array([4.0, 0.3, 0.0, 0.5])
+    controller, state = DelayCompensation(spy, plant, 2), plant.initial_state()
     controller.resume(held)
-    plant = build_plant(scenario)
-    state = plant.initial_state()
     controller.decide(state, np.zeros(6))
     before = np.append(held, 0.0)
     for _ in range(2):
-        applied = plant.actuate(held, before)
-        state, before = plant.step(state, before, applied), applied
+        state, before = plant.advance(state, before, held)
     assert spy.shown[0][0].tobytes() == state.tobytes()
     assert spy.resumed.tolist() == held.tolist()
 

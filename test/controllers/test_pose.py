@@ -3,19 +3,17 @@
 
 import numpy as np
 import paper_utc as paper
+from skydivers import parts_of
 
-from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import load_scenario
 from skydiver_utc.plants.skydiver.steady import straight_falls
 from skydiver_utc.plants.skydiver.yaw import steady_turns
 
 
 def parts(**pose):
-    scenario = load_scenario(
-        "fast_turn_pose_only", {f"controller.{name}": value for name, value in pose.items()}
-    )
-    plant = build_plant(scenario)
-    return plant, build_controller(scenario, plant, build_reference(scenario))
+    settings = {f"controller.{name}": value for name, value in pose.items()}
+    plant, _, controller = parts_of(load_scenario("fast_turn_pose_only", settings))
+    return plant, controller
 
 
 def test_it_equals_eq_lim():

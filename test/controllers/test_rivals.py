@@ -3,11 +3,12 @@
 
 import numpy as np
 import pytest
+from skydivers import parts_of
 
 from skydiver_utc.controllers.horizon import Horizon
 from skydiver_utc.controllers.protocol import Status
 from skydiver_utc.controllers.settings import HorizonSettings
-from skydiver_utc.loop.build import build_controller, build_plant, build_reference
+from skydiver_utc.loop.build import build_plant
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import ParameterError, load_scenario
 
@@ -29,11 +30,6 @@ ABSURD = {
 
 def scenario_of(controller, **overrides):
     return load_scenario(TASK, {"controller": controller} | overrides)
-
-
-def parts_of(scenario):
-    plant, reference = build_plant(scenario), build_reference(scenario)
-    return plant, reference, build_controller(scenario, plant, reference)
 
 
 @pytest.fixture(params=RIVALS)

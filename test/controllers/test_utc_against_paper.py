@@ -6,10 +6,10 @@ import paper_utc as paper
 import plain_utc
 import pytest
 from scipy.spatial.transform import Rotation
+from skydivers import parts_of
 
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
 from skydiver_utc.controllers.utc.dynamics import incremental
-from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import load_scenario
 
 DT = 0.0042
@@ -33,12 +33,9 @@ class Turn:
     """A scenario's turn: its plant, its controller, and what the paper's text takes of it."""
 
     def __init__(self, name, **changes):
-        self.scenario = load_scenario(
-            name, {f"controller.{n.replace('__', '.')}": v for n, v in changes.items()}
-        )
-        self.law = self.scenario.controller
-        self.plant, reference = build_plant(self.scenario), build_reference(self.scenario)
-        self.controller = build_controller(self.scenario, self.plant, reference)
+        scenario = load_scenario(name, {f"controller.{n.replace('__', '.')}": v for n, v in changes.items()})
+        self.law = scenario.controller
+        self.plant, reference, self.controller = parts_of(scenario)
         self.reference = reference.preview(0, 600)
         self.signal = self.reference[:, 0]
         self.s14 = paper.s14_sequence(self.signal, round(1.0 / DT), 20, times_reference_sign=True)

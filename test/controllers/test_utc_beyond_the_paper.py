@@ -3,9 +3,9 @@
 
 import numpy as np
 import pytest
+from skydivers import parts_of
 
 from skydiver_utc.analysis.metrics import metrics
-from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import load_scenario
 
@@ -30,8 +30,7 @@ def flown(name, amplitude, frequency, duration, changes=()):
 
 def test_a_reset_forgets_the_side_of_the_turn_before():
     scenario = load_scenario(TURN)
-    plant, reference = build_plant(scenario), build_reference(scenario)
-    controller = build_controller(scenario, plant, reference)
+    plant, reference, controller = parts_of(scenario)
 
     def controls(steps):
         previews = [reference.preview(k, controller.preview_steps + 1) for k in steps]
@@ -44,8 +43,7 @@ def test_a_reset_forgets_the_side_of_the_turn_before():
 
 
 def test_beside_a_coupling_Qu_cannot_be_set():
-    scenario = load_scenario(TURN)
-    controller = build_controller(scenario, build_plant(scenario), build_reference(scenario))
+    *_, controller = parts_of(load_scenario(TURN))
     with pytest.raises(ValueError, match="coupling"):
         controller.Qu = 0.1
 
@@ -86,14 +84,12 @@ def test_the_tangent_takes_away_the_lag_of_the_horizon():
 
 def test_after_the_reference_the_controls_go_to_their_values_and_stay():
     """A quarter of a second of turn, then nothing: from then on no feedback, and a tenth of the largest rate."""
-    scenario = load_scenario(TURN, {"controller.after_reference": {"alpha": 0.3}})
-    plant = build_plant(scenario)
-    tried = build_controller(scenario, plant, build_reference(scenario))
+    plant, _, tried = parts_of(load_scenario(TURN, {"controller.after_reference": {"alpha": 0.3}}))
     rows, state = tried.preview_steps + 1, plant.initial_state()
     still = tried.decide(state, np.zeros((rows, 1))).control
     assert still[0] != plant.initial_control()[0]
     tried.decide(state, 0.1 * np.eye(rows, 1))
-    largest = 0.1 * plant.rate[3] * scenario.dt_s
+    largest = 0.1 * plant.rate[3] * plant.dt_s
     before = tried.decide(state, 0.1 * np.eye(rows, 1)).control[3]
     for _ in range(600):
         control = tried.decide(state + 0.01, np.zeros((rows, 1))).control
@@ -107,13 +103,11 @@ def test_after_the_reference_the_controls_go_to_their_values_and_stay():
 @pytest.mark.parametrize(("alpha", "holds"), [(0.29, True), (0.15, False), (0.1, False)])
 def test_a_flight_goes_on_from_a_control_beside_that_after_the_reference(alpha, holds):
     """Which is 0.3; at the start it is 0, and 0.15 is as far from both."""
-    scenario = load_scenario(TURN, {"controller.after_reference": {"alpha": 0.3}})
-    plant = build_plant(scenario)
-    tried = build_controller(scenario, plant, build_reference(scenario))
+    plant, _, tried = parts_of(load_scenario(TURN, {"controller.after_reference": {"alpha": 0.3}}))
     control = plant.initial_control()
     control[3] = alpha
     tried.resume(control)
-    control[3] += 0.1 * plant.rate[3] * scenario.dt_s
+    control[3] += 0.1 * plant.rate[3] * plant.dt_s
     decision = tried.decide(plant.initial_state(), np.zeros((tried.preview_steps + 1, 1)))
     assert np.allclose(decision.control, control, rtol=0, atol=1e-12) is holds
     assert not holds or not decision.telemetry[:2].any()

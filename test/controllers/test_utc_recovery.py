@@ -8,11 +8,11 @@ import numpy as np
 import paper_utc
 import pytest
 from carts import assert_usable, controller, straight
+from skydivers import parts_of
 
 from skydiver_utc import Status
 from skydiver_utc.controllers.utc.law import Recovery
 from skydiver_utc.controllers.utc.survivors import next_spread, survived_range, weights_left
-from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import load_scenario
 
 FREE = {"minimum": -np.inf, "maximum": np.inf}
@@ -222,9 +222,7 @@ def test_a_state_or_reference_that_is_not_finite_keeps_control_and_covariance(wh
 
 @pytest.mark.parametrize(("row", "kept"), [(20, True), (21, False)])
 def test_the_reference_must_be_finite_up_to_the_horizon(row, kept):
-    scenario = load_scenario(TURN)
-    plant = build_plant(scenario)
-    controller = build_controller(scenario, plant, build_reference(scenario))
+    plant, _, controller = parts_of(load_scenario(TURN))
     preview = np.ones((controller.preview_steps + 1, 1))
     preview[row] = np.nan
     decision = controller.decide(plant.initial_state(), preview)
@@ -287,8 +285,7 @@ def test_the_range_of_a_control_is_that_of_the_points_that_survive():
 def test_the_skydiver_begins_again_with_the_signs_of_the_present_turn():
     """A state that everything diverges from, in a right turn; the first decision was in a left one."""
     scenario = load_scenario(TURN)
-    plant, reference = build_plant(scenario), build_reference(scenario)
-    tried, fresh = (build_controller(scenario, plant, reference) for _ in range(2))
+    (plant, _, tried), (*_, fresh) = (parts_of(scenario) for _ in range(2))
     state = plant.initial_state()
     left = np.linspace([1.0], [2.0], tried.preview_steps + 1)
     tried.decide(state, left)

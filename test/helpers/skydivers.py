@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from skydiver_utc.body.posture import configuration, pattern_direction, posture_angles
 from skydiver_utc.body.segments import build_body
+from skydiver_utc.loop.build import build_controller, build_plant, build_reference
 from skydiver_utc.parameters import load_scenario
 from skydiver_utc.plants.protocol import Model
 from skydiver_utc.plants.skydiver.dynamics import STATE_SIZE
@@ -17,6 +18,12 @@ from skydiver_utc.plants.skydiver.prediction import named_outputs, skydiver_step
 def skydiver(name="bank_recovery", **plant):
     """A scenario with these settings of the plant; `subject__suit="rig"` is plant.subject.suit."""
     return load_scenario(name, {f"plant.{key.replace('__', '.')}": value for key, value in plant.items()})
+
+
+def parts_of(scenario):
+    """Plant, reference and controller of a scenario."""
+    plant, reference = build_plant(scenario), build_reference(scenario)
+    return plant, reference, build_controller(scenario, plant, reference)
 
 
 def model_of(scenario):
