@@ -56,14 +56,10 @@ def least_squares(reference, ramped):
     return M, t, change, before
 
 
-def linear(x, u, dt):
-    return A @ x + B @ u
-
-
-def controller_of(minimum, maximum, rate, plant=linear):
+def controller_of(minimum, maximum, rate):
     own = FunctionPlant(
-        plant, lambda x: C @ x, state=STATE, control=APPLIED, dt=1.0, minimum=minimum, maximum=maximum, rate=rate,
-        control_names=NAMES,
+        lambda x, u, dt: A @ x + B @ u, lambda x: C @ x, state=STATE, control=APPLIED, dt=1.0,
+        minimum=minimum, maximum=maximum, rate=rate, control_names=NAMES,
     )  # fmt: skip
     squared_range = (own.maximum - own.minimum) ** 2
     tables = {"nominal": REST, "cost": COST * squared_range, "change_cost": CHANGE_COST * squared_range}
@@ -111,24 +107,6 @@ def test_with_rate_limits_it_is_bounded_least_squares_in_the_changes(reference, 
     assert at_limit[3:].any()
     # The first of the two periods of the first block takes half of the block's change.
     np.testing.assert_allclose(decision.control, APPLIED + found[:3] / HOLD, atol=1e-8)
-
-
-def test_a_model_without_a_finite_answer_keeps_the_control_and_recovers():
-    broken = False
-
-    def plant(x, u, dt):
-        return np.full(2, np.nan) if broken else linear(x, u, dt)
-
-    controller = controller_of(-WIDE, WIDE, NO_RATE, plant)
-    reference = np.linspace(0.0, 1.0, 7)[:, None]
-    first = controller.decide(STATE, reference)
-    broken = True
-    kept = controller.decide(STATE, reference)
-    assert kept.status is Status.KEPT_PREVIOUS
-    assert np.isfinite(kept.telemetry).all()
-    np.testing.assert_array_equal(kept.control, first.control)
-    broken = False
-    assert controller.decide(STATE, reference).status is Status.SOLVED
 
 
 def test_more_iterations_reach_the_minimum_of_a_curved_plant():

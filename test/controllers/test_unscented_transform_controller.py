@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """UTC on plants of functions, against independent transcriptions of the law and against what users do to it."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numba
@@ -15,7 +18,7 @@ from scipy.linalg import block_diag
 
 from skydiver_utc import FunctionPlant, Status, UnscentedTransformController, UtcSettings
 
-DT = 0.05
+DT, ROOT = 0.05, Path(__file__).parents[2]
 
 
 def random_plant(rng, n, m, outputs):
@@ -429,12 +432,44 @@ def test_a_reference_that_is_not_finite_leaves_no_trace():
         assert np.array_equal(first.covariance, second.covariance)
 
 
+def quick_start():
+    """The code on the README's page."""
+    page = (ROOT / "README.md").read_text(encoding="utf-8")
+    return page.partition("## UTC on your own plant")[2].partition("```python\n")[2].partition("```")[0]
+
+
 def test_the_quick_start_runs_as_printed(capsys):
     """At most 25 lines; the pendulum hangs at 1 rad under 9.81 sin(1) = 8.255."""
-    page = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    code = page.partition("## UTC on your own plant")[2].partition("```python\n")[2].partition("```")[0]
+    code = quick_start()
     assert 10 < len(code.splitlines()) <= 25
     exec(code, {})
     first, second = capsys.readouterr().out.splitlines()
     assert first.startswith("angle 1.0000 rad, control 8.255 +-")
     assert second.startswith("Solved;")
+
+
+COUNT = """
+from numba.core import event
+with event.install_recorder("numba:compile") as recorder:
+    exec(compile(open({path!r}).read(), {path!r}, "exec"))
+print("compilations:", sum(record.is_start for _, record in recorder.buffer))
+"""
+JITTED = ("@njit  # optional: plain Python works too, more slowly\n", "from numba import njit\n")
+
+
+def test_the_quick_start_with_a_plain_plant_compiles_nothing(tmp_path):
+    """In a new process without a cache."""
+    code, path = quick_start(), tmp_path / "quick_start.py"
+    for line in JITTED:
+        assert line in code
+        code = code.replace(line, "")
+    path.write_text(code, encoding="utf-8")
+    environment = {"PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "empty")}
+    done = subprocess.run(
+        [sys.executable, "-c", COUNT.format(path=str(path))],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.endswith("compilations: 0\n")

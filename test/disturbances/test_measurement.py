@@ -104,13 +104,6 @@ def test_the_same_seed_gives_the_same_bits_also_to_one_that_asks_twice() -> None
     np.testing.assert_array_equal(twice.measurement(0, np.zeros(2)), first[0])
 
 
-def test_steps_that_are_left_out_change_no_other() -> None:
-    error = of_cart(ALL[0])
-    whole = measured(of_cart(ALL[0]))
-    for k in (0, 5, 700, 701, 4000):
-        np.testing.assert_array_equal(error.measurement(k, np.array([float(k), 0.0])), whole[k])
-
-
 def test_groups_of_an_odometry_are_in_the_units_of_their_names() -> None:
     noise = {"position_m": 2.0, "attitude_deg": 3.0, "velocity_m_s": 0.5, "rates_deg_s": 4.0, "vz": 0.1}
     scenario = load_scenario(

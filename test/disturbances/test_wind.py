@@ -43,20 +43,16 @@ def test_a_short_gust_leaves_the_velocity_over_ground_and_changes_that_in_the_ai
     wind = 10.0 * np.array([np.cos(np.pi / 6), 0.5])
     np.testing.assert_allclose(in_air[:2], -wind, atol=0.3)
     np.testing.assert_allclose(over_ground(run, peak)[:2], 0.0, atol=0.3)
+    # The controller measures the velocity over ground.
+    measured = build_disturbances(run.scenario, run.plant).measurement(peak, run.states[peak])
+    there = Rotation.from_quat(measured[3:7]).apply(measured[7:10])
+    np.testing.assert_allclose(there[:2], over_ground(run, peak)[:2], atol=0.3)
+    np.testing.assert_array_equal(np.delete(measured, [7, 8, 9]), np.delete(run.states[peak], [7, 8, 9]))
 
 
 def test_the_body_drifts_about_as_far_as_the_air() -> None:
     """The mean of the wind is half of its peak; the body also glides a little, as it banks and turns."""
     assert flight(1.0, 30.0).states[-1, 1] == pytest.approx(15.0, abs=2.5)
-
-
-def test_the_controller_measures_the_velocity_over_ground() -> None:
-    run = flight(10.0, 0.1)
-    peak = round(1.05 / run.scenario.dt_s)
-    measured = build_disturbances(run.scenario, run.plant).measurement(peak, run.states[peak])
-    there = Rotation.from_quat(measured[3:7]).apply(measured[7:10])
-    np.testing.assert_allclose(there[:2], over_ground(run, peak)[:2], atol=0.3)
-    np.testing.assert_array_equal(np.delete(measured, [7, 8, 9]), np.delete(run.states[peak], [7, 8, 9]))
 
 
 def test_a_plant_without_a_velocity_is_refused() -> None:

@@ -3,16 +3,14 @@
 
 import json
 import re
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import invoke
 from skydivers import falling_straight, oracle_derivative, skydiver
 
 from skydiver_utc.body.posture import joint_ranges, joint_rows, pattern_direction
-from skydiver_utc.cli.main import main
 from skydiver_utc.parameters import ParameterError
 from skydiver_utc.parameters.loading import config_folder
 from skydiver_utc.parameters.yaml_io import read_yaml
@@ -38,33 +36,11 @@ def table(heading):
     return rows
 
 
-_EFFECTS = table("pattern | alpha [rad] | surge")
-AT_ONCE = [row[:8] for row in _EFFECTS]
-HELD = [row[:2] + row[8:] for row in _EFFECTS]
-LARGEST = table("pattern | surge")
-ALPHAS = np.linspace(-1.5, 1.5, 61)
+EFFECTS, LARGEST = table("pattern | alpha [rad] | surge"), table("pattern | surge")
 
 
-@cache
 def scenario_of(name):
     return skydiver(pattern=name, initial__bank_deg=0.0)
-
-
-@cache
-def at_once(name):
-    """Accelerations (6,) of the straight fall of neutral at each alpha of ALPHAS, by the oracle's equations."""
-    scenario = scenario_of(name)
-
-    def accelerations(alpha, speed):
-        return oracle_derivative(scenario, np.array([0.0, 0.0, 0.0, alpha]))(
-            falling_straight(scenario, speed)
-        )[7:]
-
-    # Drag grows with the square of the speed and carries the weight in the straight fall.
-    drag = accelerations(0.0, 50.0)[2] - accelerations(0.0, 1e-6)[2]
-    speed = 50.0 * np.sqrt(-accelerations(0.0, 1e-6)[2] / drag)
-    assert np.abs(accelerations(0.0, speed)).max() < 1e-6
-    return {round(alpha, 9): accelerations(alpha, speed) for alpha in ALPHAS}
 
 
 @pytest.mark.parametrize(
@@ -74,9 +50,8 @@ def at_once(name):
 def test_a_pattern_is_made_again_by_its_command(name, kind, skydiver, tmp_path):
     path = tmp_path / f"{name}.yaml"
     of = ["--set", f"plant.skydiver={skydiver}", "--kind", kind]
-    arguments = ["pattern", "design", "bank_recovery", *of, "--seed", "1", "--out", str(path)]
-    result = CliRunner().invoke(main, arguments)
-    assert result.exit_code == 0, result.output
+    result = invoke("pattern", "design", "bank_recovery", *of, "--seed", "1", "--out", path)
+    assert result.exit_code == 0, result.stderr
     made, committed = read_yaml(path), read_yaml(config_folder() / "patterns" / f"{name}.yaml")
     for joint, row in committed.pop("components").items():
         np.testing.assert_allclose(made["components"][joint], row, atol=2e-3)
@@ -107,24 +82,33 @@ def test_the_library_is_the_kinds():
     files = {path.stem: read_yaml(path) for path in (config_folder() / "patterns").glob("*.yaml")}
     directions = {name for name, content in files.items() if content["kind"] == "direction"}
     assert directions == {*PATTERN_KINDS, "turn_paper"}
-    assert {row[0] for row in AT_ONCE} == {row[0] for row in HELD} == set(PATTERN_KINDS)
-    assert [row[0] for row in LARGEST] == list(PATTERN_KINDS)
+    assert {row[0] for row in EFFECTS} == {row[0] for row in LARGEST} == set(PATTERN_KINDS)
 
 
 @pytest.mark.parametrize("name", PATTERN_KINDS)
 def test_more_of_a_pattern_accelerates_more_and_little_else(name):
-    """Over the whole range, with the sign of alpha; the largest of the others are in the document."""
+    """At once, in the straight fall, by the oracle; the largest of the others are in the document."""
+    scenario = scenario_of(name)
+
+    def accelerations(alpha, speed):
+        falling = falling_straight(scenario, speed)
+        return oracle_derivative(scenario, np.array([0.0, 0.0, 0.0, alpha]))(falling)[7:]
+
+    # Drag grows with the square of the speed and carries the weight in the straight fall.
+    drag = accelerations(0.0, 50.0)[2] - accelerations(0.0, 1e-6)[2]
+    speed = 50.0 * np.sqrt(-accelerations(0.0, 1e-6)[2] / drag)
     (largest,) = (row[1:] for row in LARGEST if row[0] == name)
     assert largest[WANTED[name]] == "wanted"
-    found = np.array(list(at_once(name).values()))
+    found = np.array([accelerations(alpha, speed) for alpha in np.linspace(-1.5, 1.5, 61)])
+    assert np.abs(found[30]).max() < 1e-6
     assert np.diff(found[:, WANTED[name]]).min() > 0
     for value, bound in zip(np.abs(found).max(axis=0), largest, strict=True):
         assert bound == "wanted" or value <= bound + 1e-9
 
 
 def shown(name, *arguments):
-    result = CliRunner().invoke(main, ["pattern", "show", name, *arguments])
-    assert result.exit_code == 0, result.output
+    result = invoke("pattern", "show", name, *arguments)
+    assert result.exit_code == 0, result.stderr
     return result.stdout
 
 
@@ -132,11 +116,10 @@ def shown(name, *arguments):
 def test_show_prints_the_tables(name):
     at = {round(row["alpha_rad"], 9): row for row in json.loads(shown(name, "--json"))["at"]}
     assert list(at) == [-1.5, -1.0, -0.5, 0.5, 1.0, 1.5]
-    for _, alpha, *accelerations in (row for row in AT_ONCE if row[0] == name):
+    for alpha, *row in (row[1:] for row in EFFECTS if row[0] == name):
+        accelerations, (fall_rate, glide, *rest, stable), steady = row[:6], row[6:], at[alpha]["steady"]
         found = at[alpha]["acceleration_m_s2"] + at[alpha]["angular_acceleration_rad_s2"]
         np.testing.assert_allclose(found, accelerations, atol=0.006)
-    for _, alpha, fall_rate, glide, *rest, stable in (row for row in HELD if row[0] == name):
-        steady = at[alpha]["steady"]
         if stable == "not found":
             assert steady is None
             continue
@@ -168,6 +151,6 @@ def test_a_pattern_may_be_a_file(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text((config_folder() / "patterns" / "turn.yaml").read_text(encoding="utf-8"))
     assert json.loads(shown(str(path), "--json"))["pattern"] == "turn"
-    result = CliRunner().invoke(main, ["pattern", "show", str(tmp_path / "none.yaml")])
+    result = invoke("pattern", "show", tmp_path / "none.yaml")
     assert result.exit_code == 2
-    assert "there is no pattern file" in result.output
+    assert "there is no pattern file" in result.stderr
