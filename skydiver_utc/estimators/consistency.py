@@ -10,13 +10,8 @@ from skydiver_utc.arrays import Array
 
 JUDGEMENT = ("nis_mean", "nis_low", "nis_high", "verdict")  # telemetry, each with `_<sensor>`
 _LEAST = 20  # measurements for a verdict
-VERDICTS = (
-    "too few",
-    "consistent",
-    "overconfident",
-    "cautious",
-    "not white",
-)  # by number in a node's telemetry
+# By number in a node's telemetry.
+VERDICTS = ("too few", "consistent", "overconfident", "cautious", "not white")
 
 
 class Consistency(NamedTuple):

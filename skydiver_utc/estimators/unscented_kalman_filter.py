@@ -156,9 +156,8 @@ class UnscentedKalmanFilter(Estimator):
         row = self._k % len(self._readings)
         for reading in self._readings[row]:
             first, end = self._place[reading.sensor : reading.sensor + 2]
-            out = (
-                self.telemetry[first:end] if (reading.sensor, reading.step) in new else np.empty(end - first)
-            )
+            told = (reading.sensor, reading.step) in new
+            out = self.telemetry[first:end] if told else np.empty(end - first)
             self._correct[reading.sensor](reading.values, self._controls[row], out)
 
     def _correction(
@@ -206,10 +205,7 @@ def _program(
 ) -> Callable[..., None]:
     """A program of `filter_steps` with a function (*given, parameters, *written), compiled if the function is."""
     if not is_jitted(function):
-        in_python, its_numbers = (
-            interpreted(text, call=_called),
-            numbers(function, parameters),
-        )
+        in_python, its_numbers = interpreted(text, call=_called), numbers(function, parameters)
         return lambda *arguments: in_python(*arguments[:-1], its_numbers, arguments[-1])
     placed = InMemory(parameters)
     where = address(in_memory(function), *given, placed, *written)

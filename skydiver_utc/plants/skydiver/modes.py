@@ -61,17 +61,10 @@ def modes(matrix: Array, fall: SteadyFall) -> list[Mode]:
 
 def _name(value: complex, shares: Array, fall: SteadyFall) -> str:
     """The motion with the largest share, and whether it dies out or grows."""
-    side_tilt, pitch_tilt, roll, pitch, yaw, falling, gliding, sliding = shares
-    side = tilt_axes(fall.up)[0]
+    side, totals = tilt_axes(fall.up)[0], shares[2:].copy()
     along = side[0] ** 2 / (side[0] ** 2 + side[2] ** 2)
-    totals = (
-        roll + along * side_tilt,
-        pitch + pitch_tilt,
-        yaw + (1.0 - along) * side_tilt,
-        falling,
-        gliding,
-        sliding,
-    )
+    # Tilts belong to the body axes about which they turn.
+    totals[:3] += along * shares[0], shares[1], (1.0 - along) * shares[0]
     motion = _MOTIONS[int(np.argmax(totals))]
     if value.imag > 0.0:
         return f"{motion} oscillation"

@@ -9,11 +9,9 @@ _X, _Y, _Z, _ROLL, _PITCH, _YAW = range(6)
 # Angles of the limbs that a pattern may move: joint without its side, column.
 PAIRED = (
     *(("shoulder", column) for column in range(3)),
-    ("elbow", 0),
-    ("elbow", 2),
+    *(("elbow", column) for column in (0, 2)),
     *(("hip", column) for column in range(3)),
-    ("knee", 0),
-    ("knee", 2),
+    *(("knee", column) for column in (0, 2)),
 )
 _TRUNK = ("lumbar", "thorax")
 # Where the two sides move alike the negative is no mirror image and is judged, too.

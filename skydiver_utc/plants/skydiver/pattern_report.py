@@ -75,11 +75,8 @@ def pattern_effect(scenario: Scenario, posture: Array, direction: Array) -> Arra
     """
     initial = scenario.plant.initial
     body, model = build_body(scenario.plant.subject), build_model(scenario.plant, scenario.dt_s)
-    more, less = (
-        in_posture(body, model, posture + side * _STEP * direction).straight_down(
-            initial.fall_speed_m_s, float(np.deg2rad(initial.pitch_deg))
-        )
-        for side in (1.0, -1.0)
-    )
+    fall = initial.fall_speed_m_s, float(np.deg2rad(initial.pitch_deg))
+    bodies = (in_posture(body, model, posture + side * _STEP * direction) for side in (1.0, -1.0))
+    more, less = (held.straight_down(*fall) for held in bodies)
     difference: Array = (more - less) / (2.0 * _STEP)
     return difference
