@@ -6,8 +6,7 @@ import paper_utc as paper
 from skydivers import parts_of
 
 from skydiver_utc.parameters import load_scenario
-from skydiver_utc.plants.skydiver.steady import straight_falls
-from skydiver_utc.plants.skydiver.yaw import steady_turns
+from skydiver_utc.plants.skydiver.steady import steady_turns, straight_falls
 
 
 def parts(**pose):

@@ -10,8 +10,13 @@ from skydiver_utc.parameters import ParameterError, PosturePath, Scenario
 from skydiver_utc.plants.skydiver.linearise import linearise
 from skydiver_utc.plants.skydiver.model import PlantModel, build_model, dressed_body
 from skydiver_utc.plants.skydiver.modes import modes
-from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall, straight_falls
-from skydiver_utc.plants.skydiver.yaw import steady_turns, yaw_acceleration
+from skydiver_utc.plants.skydiver.steady import (
+    HeldBody,
+    SteadyFall,
+    steady_turns,
+    straight_falls,
+    yaw_acceleration,
+)
 
 # Shares of the largest pattern angle and of the largest yaw damping at which steady turns are shown.
 _ALPHA_SHARES = (0.25, 0.5, 0.75, 1.0)

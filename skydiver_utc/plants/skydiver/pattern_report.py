@@ -10,9 +10,8 @@ from skydiver_utc.body.segments import build_body
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plants.skydiver.linearise import linearise
 from skydiver_utc.plants.skydiver.model import build_model
-from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall, straight_falls
+from skydiver_utc.plants.skydiver.steady import HeldBody, SteadyFall, steady_turns, straight_falls
 from skydiver_utc.plants.skydiver.trim import in_posture
-from skydiver_utc.plants.skydiver.yaw import steady_turns
 
 # Shares of the smallest and of the largest pattern angle that are shown.
 _SHARES = np.array([1 / 3, 2 / 3, 1.0])

@@ -14,8 +14,7 @@ import numpy as np
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import ParameterError, Parameters, Scenario, SkydiverSettings, load_scenario
 from skydiver_utc.plants.skydiver.model import build_model
-from skydiver_utc.plants.skydiver.steady import falling_straight
-from skydiver_utc.plants.skydiver.yaw import steady_turns, yaw_acceleration
+from skydiver_utc.plants.skydiver.steady import falling_straight, steady_turns, yaw_acceleration
 from skydiver_utc.studies.calibration.candidate import build_candidate, skydiver_of
 from skydiver_utc.studies.calibration.settings import Calibration, StaticTarget
 from skydiver_utc.studies.cases import measure
