@@ -2,8 +2,6 @@
 """Measured motions: thinned to a tolerance that is kept, and flown by the scenario that is written."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -58,12 +56,6 @@ def measured(path):
     for name in table.dtype.names[1:]:
         postures[:, NAMES.index(name.removesuffix("_deg"))] = np.deg2rad(table[name])
     return table["time_s"], postures
-
-
-def test_the_example_is_written_by_its_script():
-    script = [sys.executable, EXAMPLES / "arms_forward.py"]
-    done = subprocess.run(script, capture_output=True, text=True, check=True)
-    assert done.stdout == ARMS.read_text(encoding="utf-8")
 
 
 def test_the_path_meets_every_measured_posture_and_the_scenario_flies_it(tmp_path):
