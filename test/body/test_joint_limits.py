@@ -6,16 +6,10 @@ import math
 import numpy as np
 import pytest
 from refusals import assert_refused
-from skydivers import skydiver
+from skydivers import plant_of, skydiver
 
 from skydiver_utc.body.posture import joint_ranges
 from skydiver_utc.body.segments import JOINTS
-from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
-
-
-def plant(name="bank_recovery", **settings):
-    scenario = skydiver(name, **settings)
-    return SkydiverPlant(scenario.plant, scenario.dt_s)
 
 
 @pytest.mark.parametrize(
@@ -29,16 +23,16 @@ def plant(name="bank_recovery", **settings):
 )
 def test_a_posture_beyond_a_joint_is_refused(joint, degrees, words):
     angles = {f"posture__joint_angles_deg__{joint}": degrees}
-    assert_refused(["posture neutral", *words], plant, **angles)
+    assert_refused(["posture neutral", *words], plant_of, **angles)
 
 
 def test_a_posture_at_its_limit_is_taken():
-    plant(posture__joint_angles_deg__neck=[-45.0, 0.0, 60.0])
+    plant_of(posture__joint_angles_deg__neck=[-45.0, 0.0, 60.0])
 
 
 @pytest.mark.parametrize(("alphas", "words"), [([-1.5, 2.0], "alpha = 2"), ([-2.0, 1.5], "alpha = -2")])
 def test_the_pattern_is_checked_at_both_ends_of_alpha(alphas, words):
-    assert_refused([words, "pattern turn"], plant, limits__alpha=alphas)
+    assert_refused([words, "pattern turn"], plant_of, limits__alpha=alphas)
 
 
 def test_a_pattern_that_bends_a_joint_too_far_is_named():
@@ -46,7 +40,7 @@ def test_a_pattern_that_bends_a_joint_too_far_is_named():
     components = {"left_ankle": [-1.0, 0.0, 0.0]}
     of_kick = dict.fromkeys(("description", "source"), "") | {"components": components}
     words = ("pattern kick at alpha = -1.5", "left_ankle flexion of 40.9 deg is above 20.0 deg")
-    assert_refused(words, plant, pattern={"kind": "direction", "name": "kick", **of_kick})
+    assert_refused(words, plant_of, pattern={"kind": "direction", "name": "kick", **of_kick})
 
 
 def test_both_sides_have_the_range_of_their_joint():

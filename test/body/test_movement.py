@@ -4,14 +4,13 @@
 import numpy as np
 import pytest
 from refusals import assert_refused
-from skydivers import skydiver
+from skydivers import plant_of, skydiver
 
 from skydiver_utc.body.movement import movement
 from skydiver_utc.body.posture import joint_ranges, posture_angles
 from skydiver_utc.body.segments import build_body
 from skydiver_utc.plants.skydiver.dynamics import posture_geometry
 from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, build_model, posture_rows
-from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 from skydiver_utc.plants.skydiver.table_error import table_error
 
 NAME = "front_layout_open_loop"
@@ -55,11 +54,6 @@ def test_table_error_bound_of_a_path():
         np.testing.assert_allclose(row[-3:], expected[-3:], atol=1e-2)
 
 
-def plant(**settings):
-    scenario = skydiver(NAME, **settings)
-    return SkydiverPlant(scenario.plant, scenario.dt_s)
-
-
 BENT = {"name": "bent", "joint_angles_deg": {"left_knee": [170.0, 0.0, 0.0]}}
 
 
@@ -80,7 +74,7 @@ BENT = {"name": "bent", "joint_angles_deg": {"left_knee": [170.0, 0.0, 0.0]}}
     ],
 )
 def test_what_makes_no_path_is_refused(settings, words):
-    assert_refused(words, plant, **settings)
+    assert_refused(words, plant_of, NAME, **settings)
 
 
 def spike(at, width):
@@ -96,7 +90,7 @@ def spike(at, width):
 def test_a_table_too_coarse_for_its_path_is_refused(nodes, keyframes):
     words = (f"plant.pattern_nodes = {nodes} is too few for pattern layout", "raise plant.pattern_nodes")
     of_path = {"pattern__keyframes": keyframes} if keyframes else {}
-    assert_refused(words, plant, pattern_nodes=nodes, **of_path)
+    assert_refused(words, plant_of, NAME, pattern_nodes=nodes, **of_path)
 
 
 def test_the_error_of_a_table_is_that_halfway_between_its_nodes():
@@ -129,6 +123,5 @@ def test_an_error_of_a_table_is_that_of_its_entries(entry, of):
 
 
 def test_a_dense_table_and_any_table_of_a_direction_are_taken():
-    plant(pattern_nodes=65)
-    straight = skydiver("bank_recovery", pattern_nodes=9)
-    SkydiverPlant(straight.plant, straight.dt_s)
+    plant_of(NAME, pattern_nodes=65)
+    plant_of(pattern_nodes=9)

@@ -20,6 +20,11 @@ def skydiver(name="bank_recovery", **plant):
     return load_scenario(name, {f"plant.{key.replace('__', '.')}": value for key, value in plant.items()})
 
 
+def plant_of(name="bank_recovery", **plant):
+    """The plant of a scenario with these settings."""
+    return build_plant(skydiver(name, **plant))
+
+
 def parts_of(scenario):
     """Plant, reference and controller of a scenario."""
     plant, reference = build_plant(scenario), build_reference(scenario)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import invoke
-from skydivers import falling_straight, oracle_derivative, skydiver
+from skydivers import falling_straight, oracle_derivative, plant_of, skydiver
 
 from skydiver_utc.body.posture import joint_ranges, joint_rows, pattern_direction
 from skydiver_utc.parameters import ParameterError
@@ -16,7 +16,6 @@ from skydiver_utc.parameters.loading import config_folder
 from skydiver_utc.parameters.yaml_io import read_yaml
 from skydiver_utc.plants.skydiver.pattern_design import design_pattern
 from skydiver_utc.plants.skydiver.pattern_kinds import PATTERN_KINDS
-from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 from skydiver_utc.plants.skydiver.trim import straight_fall
 from skydiver_utc.rotations import dorsal_axis_height
 
@@ -138,10 +137,9 @@ def test_show_prints_tables_on_the_screen():
 
 def test_the_largest_lateral_pattern_ends_in_a_slow_turn_to_its_side():
     """From the straight fall, held for two minutes."""
-    scenario = scenario_of("lateral")
-    plant = SkydiverPlant(scenario.plant, scenario.dt_s)
+    plant = plant_of(pattern="lateral", initial__bank_deg=0.0)
     state, applied = plant.initial_state(), plant.initial_applied()
-    for _ in range(round(120.0 / scenario.dt_s)):
+    for _ in range(round(120.0 / plant.dt_s)):
         state, applied = plant.advance(state, applied, np.array([0.5, 0.0, 0.0, 1.5]))
     assert 8 < np.rad2deg(state[12]) < 15
     assert dorsal_axis_height(state) > 0.99

@@ -10,6 +10,7 @@ from skydivers import (
     oracle_constants,
     oracle_derivative,
     oracle_posture,
+    plant_of,
     random_control,
     random_state,
     skydiver,
@@ -25,7 +26,6 @@ from skydiver_utc.plants.skydiver.dynamics import (
     state_derivative,
 )
 from skydiver_utc.plants.skydiver.model import GEOMETRY_SIZE, held_row, posture_rows
-from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 
 SCENARIO = skydiver("fast_turn_unknown_dynamics")
 BODY = build_body(SCENARIO.plant.subject)
@@ -131,7 +131,7 @@ def test_a_hand_pulls_at_its_place(direction, along_z):
 
 
 def test_limits_bound_then_slew():
-    plant = SkydiverPlant(skydiver("fast_turn_unknown_dynamics", limbs__reaction=False).plant, SCENARIO.dt_s)
+    plant = plant_of("fast_turn_unknown_dynamics", limbs__reaction=False)
     before, slew = np.array([0.5, 0.0, 0.0, 0.1, 0.0]), 3.5 * SCENARIO.dt_s
     for alpha, reached in ((1.0, 0.1 + slew), (-1.0, 0.1 - slew), (0.1 + 0.5 * slew, 0.1 + 0.5 * slew)):
         applied = plant.actuate(np.array([9.0, -1.0, 7.0, alpha]), before)

@@ -19,16 +19,12 @@ from skydiver_utc.plants.skydiver.steady import HeldBody, straight_falls
 ROOT = Path(__file__).parents[2]
 
 
-def rows():
-    text = (ROOT / "docs" / "postures.md").read_text(encoding="utf-8")
-    pattern = r"^\| (\w+) \| (\w+) \| ([\w ]+) \| (\d+) - (\d+) \| ([\d.]+) \| ([\d.]+) \| (-?[\d.]+) \|$"
-    return {
-        name: (suit, falls, float(low), float(high), tuple(map(float, flies)))
-        for name, suit, falls, low, high, *flies in re.findall(pattern, text, re.MULTILINE)
-    }
-
-
-TABLE = rows()
+_PAGE = (ROOT / "docs" / "postures.md").read_text(encoding="utf-8")
+_ROW = r"^\| (\w+) \| (\w+) \| ([\w ]+) \| (\d+) - (\d+) \| ([\d.]+) \| ([\d.]+) \| (-?[\d.]+) \|$"
+TABLE = {
+    name: (suit, falls, float(low), float(high), tuple(map(float, flies)))
+    for name, suit, falls, low, high, *flies in re.findall(_ROW, _PAGE, re.MULTILINE)
+}
 
 
 @cache
@@ -58,7 +54,7 @@ def test_every_posture_subject_and_suit_has_its_straight_fall(posture, subject, 
 
 def test_the_table_lists_the_library():
     """All but the box that neutral is trimmed from, and the neutral postures of other subjects and suits."""
-    library = {path.stem for path in (ROOT / "config" / "postures").glob("*.yaml")}
+    library = names_in("postures")
     assert set(TABLE) == {name for name in library if name != "box" and not name.startswith("neutral_")}
 
 

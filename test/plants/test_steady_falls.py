@@ -9,7 +9,7 @@ from refusals import assert_refused
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
-from skydivers import model_of, oracle_derivative, skydiver
+from skydivers import model_of, oracle_derivative, plant_of, skydiver
 
 from skydiver_utc.body.posture import posture_angles
 from skydiver_utc.body.segments import build_body
@@ -107,10 +107,8 @@ def test_the_effect_of_the_controls_is_the_oracles(name):
 
 def test_the_reduced_states_of_a_fall_are_its_tilt_rates_and_velocity():
     """From any state and back, but for place and heading; of the straight fall belly to earth nothing accelerates."""
-    scenario = scenario_of("back_to_earth")
-    plant = SkydiverPlant(scenario.plant, scenario.dt_s)
-    at_rest, reduce, expand = plant.reduced(REST)
-    derivative = oracle_derivative(scenario, np.zeros(4))(expand(at_rest))
+    at_rest, reduce, expand = plant_of(posture="back_to_earth").reduced(REST)
+    derivative = oracle_derivative(scenario_of("back_to_earth"), np.zeros(4))(expand(at_rest))
     assert np.abs(derivative[7:]).max() < 1e-6
     assert Rotation.from_quat(expand(at_rest)[3:7]).apply([0.0, 0.0, 1.0])[2] > 0.0
     z = np.array([0.2, -0.3, 1.0, 2.0, 3.0, 4.0, 5.0, -6.0])
@@ -127,8 +125,7 @@ def test_the_reduced_states_of_a_fall_are_its_tilt_rates_and_velocity():
 def test_the_initial_state_is_that_of_the_settings():
     angles = {"initial__heading_deg": 30.0, "initial__pitch_deg": 20.0, "initial__bank_deg": -10.0}
     rates = {f"initial__{axis}_rate_deg_s": 10.0 * i for i, axis in enumerate(("roll", "pitch", "yaw"), 1)}
-    scenario = skydiver(initial__altitude_m=1234.0, initial__fall_speed_m_s=60.0, **angles, **rates)
-    plant = SkydiverPlant(scenario.plant, scenario.dt_s)
+    plant = plant_of(initial__altitude_m=1234.0, initial__fall_speed_m_s=60.0, **angles, **rates)
     state, attitude = plant.initial_state(), Rotation.from_euler("ZYX", list(angles.values()), degrees=True)
     np.testing.assert_array_equal(state[:3], [0.0, 0.0, 1234.0])
     np.testing.assert_allclose(Rotation.from_quat(state[3:7]).as_matrix(), attitude.as_matrix(), atol=1e-12)
@@ -140,7 +137,7 @@ def test_the_initial_state_is_that_of_the_settings():
     ("places", "largest"), [((7, 8, 9), 500.0), ((10, 11, 12), 200.0), ((0, 1, 2), np.inf)]
 )
 def test_a_state_that_no_body_falls_with_is_a_fault(places, largest):
-    plant, upright = SkydiverPlant(scenario_of("neutral").plant, 0.0042), np.eye(13)[6]
+    plant, upright = plant_of(), np.eye(13)[6]
     for place in places:
         for size, wrong in ((0.99, largest == np.inf), (1.0, True), (-1.0, True), (np.nan, True)):
             state = upright.copy()
@@ -162,7 +159,7 @@ def test_a_step_that_a_class_of_the_skydiver_writes_anew_counts():
 
 @pytest.mark.parametrize("belly_to_earth", [True, False])
 def test_a_dorsal_axis_below_the_horizon_is_a_mishap_where_the_settings_say_so(belly_to_earth):
-    plant = SkydiverPlant(skydiver(belly_to_earth=belly_to_earth).plant, 0.0042)
+    plant = plant_of(belly_to_earth=belly_to_earth)
     turned = [Rotation.from_euler("x", angle, degrees=True).as_quat() for angle in (0.0, 89.9, 90.1, 180.0)]
     for attitude, below in zip([*turned, 4 * [0.5]], (False, False, True, True, False), strict=True):
         state = np.zeros(13)
