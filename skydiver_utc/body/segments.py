@@ -96,14 +96,10 @@ def build_body(subject: Subject) -> Body:
     _check_kinds(subject.suit.drag_areas_m2, "suit", subject.suit.name)
     lengths = {kind: _scaled_mm(data.length_mm, subject) for kind, data in table.segments.items()}
     rows = [_segment_rows(segment, subject, lengths) for segment in SEGMENTS]
-    return Body(
-        parent=np.array([_INDEX.get(segment.parent, -1) for segment in SEGMENTS]),
-        joint=np.array([_joint_position(segment, subject, lengths) for segment in SEGMENTS]),
-        centre=np.array([row[0] for row in rows]),
-        mass=np.array([row[1] for row in rows]),
-        inertia=np.array([row[2] for row in rows]),
-        drag_area=np.array([row[3] for row in rows]),
-    )
+    centre, mass, inertia, drag_area = map(np.array, zip(*rows, strict=True))
+    parent = np.array([_INDEX.get(segment.parent, -1) for segment in SEGMENTS])
+    joint = np.array([_joint_position(segment, subject, lengths) for segment in SEGMENTS])
+    return Body(parent, joint, centre, mass, inertia, drag_area)
 
 
 def ellipsoids(body: Body) -> Array:
@@ -142,15 +138,12 @@ def _segment_rows(
     long, ml, ap = (
         mass * (length * g) ** 2 for g in (data.gyration_long, data.gyration_ml, data.gyration_ap)
     )
-    front, side, axial = (a * area_scale(subject) for a in subject.suit.drag_areas_m2[segment.kind])
+    suit = subject.suit
+    scale = area_ratio(subject, suit.reference_mass_kg, suit.reference_height_m)
+    front, side, axial = (area * scale for area in suit.drag_areas_m2[segment.kind])
     if distal is _VENTRAL:
         return centre, mass, np.array([ap, ml, long]), np.array([front, side, axial])
     return centre, mass, np.array([long, ml, ap]), np.array([axial, side, front])
-
-
-def area_scale(subject: Subject) -> float:
-    """A subject's areas over those of the suit's reference subject."""
-    return area_ratio(subject, subject.suit.reference_mass_kg, subject.suit.reference_height_m)
 
 
 def area_ratio(subject: Subject, mass_kg: float, height_m: float) -> float:

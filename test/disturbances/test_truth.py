@@ -11,7 +11,6 @@ from skydiver_utc.loop.build import build_plant, build_true_plant, model_beside
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, override, to_yaml
 from skydiver_utc.plants.protocol import Plant
-from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 from skydiver_utc.plants.skydiver.steady import straight_falls
 
 NAME = "fast_turn_pi_dynamics"
@@ -27,7 +26,6 @@ def true_plant(name: str = NAME, **changes: Any) -> Plant:
 
 def accelerations(plant: Plant, control: np.ndarray = CONTROL, rates: Any = (0.0, 0.0, 0.0)) -> np.ndarray:
     """Linear and angular ones (6,) in body axes, in a fall with body rates [rad/s], over a very short step."""
-    assert isinstance(plant, SkydiverPlant)
     state, following = plant.initial_state(), np.empty(13)
     state[10:13] = rates
     plant.model_of_step(1e-6).bound(4, 4).step(state, control, following)
@@ -44,7 +42,6 @@ def test_the_terminal_speed_is_the_root_of_mass_over_drag_area(
     speeds = [
         straight_falls(plant.constants)[0].speed
         for plant in (true_plant("bank_recovery"), true_plant("bank_recovery", **{f"ratios__{ratio}": value}))
-        if isinstance(plant, SkydiverPlant)
     ]
     assert speeds[1] / speeds[0] == pytest.approx(expected, rel=1e-6)
 
@@ -103,8 +100,6 @@ def test_without_a_truth_the_plant_is_built_once() -> None:
     assert model_beside(plant, scenario) is plant
     other = load_scenario(NAME, {"truth.subject": "heavy"})
     model, heavy = model_beside(build_true_plant(other), other), build_true_plant(other)
-    assert isinstance(model, SkydiverPlant)
-    assert isinstance(heavy, SkydiverPlant)
     assert model.constants.mass < heavy.constants.mass
 
 

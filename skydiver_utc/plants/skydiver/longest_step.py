@@ -25,19 +25,14 @@ class FastestDamping(NamedTuple):
     axis: str
     rate: float
 
-    @property
-    def longest_step(self) -> float:
-        """Longest step [s] that the integrator takes, rounded down to three digits."""
-        longest = LARGEST_RATE_TIMES_STEP / self.rate
-        unit = 10.0 ** (np.floor(np.log10(longest)) - 2)
-        return float(np.floor(longest / unit) * unit)
-
     def refuse_longer(self, dt_s: float) -> None:
-        """Raise ValueError where a step [s] is longer than that."""
+        """Raise ValueError for a step [s] that the integrator does not take; the longest is rounded down."""
         if self.rate * dt_s > LARGEST_RATE_TIMES_STEP:
+            longest = LARGEST_RATE_TIMES_STEP / self.rate
+            unit = 10.0 ** (np.floor(np.log10(longest)) - 2)
             raise ValueError(
                 f"dt = {dt_s:g} s is too long for the integrator: {self.axis} damping of {self.rate:.0f} 1/s needs"
-                f" dt <= {self.longest_step:.3g} s"
+                f" dt <= {np.floor(longest / unit) * unit:.3g} s"
             )
 
 
