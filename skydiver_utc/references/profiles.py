@@ -90,8 +90,7 @@ class Step(Scaled):
     kind: Literal["step"] = "step"
 
     def shape(self) -> Shape:
-        size = self.size
-        return Shape(lambda since_s: size, abs(size))
+        return _lines((0.0, self.size))
 
 
 class Ramp(Scaled):

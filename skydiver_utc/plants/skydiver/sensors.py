@@ -63,22 +63,19 @@ def gnss_velocity(state: Array, control: Array, numbers: Any, out: Array) -> Non
 
 def sensors(model: PlantModel) -> Mapping[str, SensorModel]:
     """The sensors of a skydiver, by name."""
+    nothing, pressure = np.empty(0), ("pressure",)
+    force = _vector(accelerometer, model, "m/s2", "Imu", "linear_acceleration")
     return {
-        "gyroscope": SensorModel(gyroscope, np.empty(0), _AXES, "rad/s", "Imu", _vector("angular_velocity")),
-        "accelerometer": SensorModel(
-            accelerometer, model, _AXES, "m/s2", "Imu", _vector("linear_acceleration"), in_air=True
-        ),
-        "magnetometer": SensorModel(
-            magnetometer, _FIELD, _AXES, "T", "MagneticField", _vector("magnetic_field")
-        ),
+        "gyroscope": _vector(gyroscope, nothing, "rad/s", "Imu", "angular_velocity"),
+        "accelerometer": force._replace(in_air=True),
+        "magnetometer": _vector(magnetometer, _FIELD, "T", "MagneticField", "magnetic_field"),
         "barometer": SensorModel(
-            barometer, _ATMOSPHERE, ("pressure",), "Pa", "FluidPressure", ("fluid_pressure",)
+            barometer, _ATMOSPHERE, pressure, "Pa", "FluidPressure", ("fluid_pressure",)
         ),
-        "gnss_velocity": SensorModel(
-            gnss_velocity, np.empty(0), _AXES, "m/s", "TwistStamped", _vector("twist.linear")
-        ),
+        "gnss_velocity": _vector(gnss_velocity, nothing, "m/s", "TwistStamped", "twist.linear"),
     }
 
 
-def _vector(field: str) -> tuple[str, ...]:
-    return tuple(f"{field}.{axis}" for axis in _AXES)
+def _vector(function: Any, numbers: Any, unit: str, message: str, field: str) -> SensorModel:
+    fields = tuple(f"{field}.{axis}" for axis in _AXES)
+    return SensorModel(function, numbers, _AXES, unit, message, fields)
