@@ -8,7 +8,7 @@ import numpy as np
 from skydiver_utc.arrays import Array
 from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.loop.build import build_disturbances, build_sensors, build_true_plant
-from skydiver_utc.loop.outcome import Outcome, OutcomeMonitor
+from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.parameters import Scenario
 from skydiver_utc.plants.protocol import Plant
 
@@ -22,8 +22,8 @@ class PlantSteps:
     """The true plant of a run and its disturbances: at step `k` its `state` (n,), before it `applied` (a,).
 
     `readings` of sensors arrive at step k, where the estimator has sensors; else they are None. `k` is -1 before the
-    run; the run is over after the last step, or when the plant has a fault. `pushed` (n,): what users added to the
-    state of step k, None for nothing.
+    run; the run is over after the last step, or when the plant has a fault; a mishap is its outcome, and it continues.
+    `pushed` (n,): what users added to the state of step k, None for nothing.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -49,7 +49,7 @@ class PlantSteps:
         self.pushed: Array | None = None
         self._push: Array | None = None  # for the next step
         self._resets = False
-        self._monitor = OutcomeMonitor(self._scenario, self.plant)
+        self.outcome, self.reason = Outcome.COMPLETED, f"{self._steps} steps done"
         self.readings: list[Reading] | None = None
         if self.sensors is not None:
             self.sensors.reset()
@@ -58,7 +58,7 @@ class PlantSteps:
         """Go to step 0; False where the run is over at once."""
         self.k = 0
         self._read_sensors(self.applied)
-        return self._monitor.observe(0, self.state)
+        return self._goes_on()
 
     def step(self, command: Array) -> bool:
         """One step under a command (m,); False when the run is over."""
@@ -72,11 +72,9 @@ class PlantSteps:
         if self._resets:
             self.push(self.plant.initial_state() - state)
         self.pushed, self._push, self._resets = self._push, None, False
-        if self.pushed is not None:
-            state = state + self.pushed
-        self.state = state
+        self.state = state if self.pushed is None else state + self.pushed
         self._read_sensors(before)
-        return self._monitor.observe(self.k, state) and self.k < self._steps
+        return self._goes_on() and self.k < self._steps
 
     def push(self, change: Array) -> None:
         """Add to the state (n,) at the next step."""
@@ -102,16 +100,18 @@ class PlantSteps:
         """The applied control (m,) of the step before."""
         return self.applied[: len(self.plant.control_names)]
 
-    @property
-    def outcome(self) -> Outcome:
-        """The outcome of the run so far."""
-        return self._monitor.outcome
-
-    @property
-    def reason(self) -> str:
-        """One sentence on the outcome."""
-        return self._monitor.reason
-
     def end(self, outcome: Outcome, reason: str) -> None:
-        """The run was ended from outside."""
-        self._monitor.end(outcome, reason)
+        """End the run with this outcome and one sentence on it."""
+        self.outcome, self.reason = outcome, reason
+
+    def _goes_on(self) -> bool:
+        """Look for a fault or a mishap in the state; False where the run cannot go on."""
+        if self.plant.is_sound(self.state):
+            return True
+        at = f"at {self.k * self._scenario.dt_s:.3f} s"
+        if fault := self.plant.fault(self.state):
+            self.end(Outcome.DIVERGED, f"{fault} {at}")
+            return False
+        if self.outcome is Outcome.COMPLETED and (mishap := self.plant.mishap(self.state)):
+            self.end(Outcome.ROLLED_OVER, f"{mishap} {at}")
+        return True

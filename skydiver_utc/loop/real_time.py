@@ -13,7 +13,6 @@ Step 0 is on time: the run begins with the first command, and step 1 has that on
 
 from array import array
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,22 +20,17 @@ from skydiver_utc.arrays import Array
 from skydiver_utc.loop.outcome import Outcome
 
 
-@dataclass(frozen=True)
-class Neutral:
-    """The path of the command when no new one comes: in a straight line to `control` (m,)."""
-
-    control: Array
-    after_steps: int  # for so long the last command is held
-    ramp_steps: int
-
-
 class CommandAccount:
-    """Takes in commands by the step of the state that they answer; `choose` at each step, in order."""
+    """Takes in commands by the step of the state that they answer; `choose` at each step, in order.
 
-    def __init__(self, steps: int, neutral: Neutral) -> None:
+    When no new one comes the last command is held for `after_steps`; then the command goes in a straight line of
+    `ramp_steps` to `neutral` (m,).
+    """
+
+    def __init__(self, steps: int, neutral: Array, after_steps: int, ramp_steps: int) -> None:
         self._answered = bytearray(steps)
-        self._neutral = neutral
-        self._newest_command = neutral.control.copy()
+        self._neutral, self._after_steps, self._ramp_steps = neutral, after_steps, ramp_steps
+        self._newest_command = neutral.copy()
         self.newest = -1  # the step of the newest state that was answered
         self.steps = self.on_time = self.late = self.stale = self.repeated = 0
         self.neutral_steps = self.longest_silence = 0
@@ -54,7 +48,7 @@ class CommandAccount:
     @property
     def in_neutral(self) -> bool:
         """True while commands have stopped for so long that the command in force goes to neutral."""
-        return self.silence > self._neutral.after_steps
+        return self.silence > self._after_steps
 
     def receive(self, answers: int, command: Array) -> None:
         """A command (m,) that answers a state published already."""
@@ -80,8 +74,8 @@ class CommandAccount:
         if not self.in_neutral:
             return self._newest_command
         self.neutral_steps += 1
-        share = min(1.0, (self.silence - self._neutral.after_steps) / max(1, self._neutral.ramp_steps))
-        command: Array = self._newest_command + share * (self._neutral.control - self._newest_command)
+        share = min(1.0, (self.silence - self._after_steps) / max(1, self._ramp_steps))
+        command: Array = self._newest_command + share * (self._neutral - self._newest_command)
         return command
 
     def as_dict(self) -> dict[str, int]:

@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger
 from skydiver_utc.errors import FAILED
 from skydiver_utc.loop.outcome import REACHED_THE_END, Outcome
 from skydiver_utc.loop.plant_steps import PlantSteps, states_to_push
-from skydiver_utc.loop.real_time import CommandAccount, Neutral, RealTimePace
+from skydiver_utc.loop.real_time import CommandAccount, RealTimePace
 from skydiver_utc.messages import MessageError, outcome_text, read_named, scenario_text
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Health, Level, Rate
@@ -202,8 +202,7 @@ class PlantNode(ScenarioNode):
     def _create_pace(self) -> RealTimePace:
         s, dt_s = self.settings, self.scenario.dt_s
         after, ramp = round(s.neutral_after_s / dt_s), round(s.neutral_time_s / dt_s)
-        neutral = Neutral(self._run.plant.initial_control(), after, ramp)
-        account = CommandAccount(self.scenario.steps, neutral)
+        account = CommandAccount(self.scenario.steps, self._run.plant.initial_control(), after, ramp)
         return RealTimePace(account, self.scenario.dt_ns, self._step, self._now_ns)
 
     def _now_ns(self) -> int:

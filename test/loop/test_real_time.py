@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skydiver_utc.loop.real_time import CommandAccount, Neutral, RealTimePace
+from skydiver_utc.loop.real_time import CommandAccount, RealTimePace
 
-NEUTRAL = Neutral(control=np.array([8.0, 0.0]), after_steps=5, ramp_steps=4)
+NEUTRAL = {"neutral": np.array([8.0, 0.0]), "after_steps": 5, "ramp_steps": 4}
 DT_NS = 4_200_000
 
 
@@ -20,7 +20,7 @@ def command(k: int) -> np.ndarray:
 
 def flown(steps: int, arrivals: dict[int, list[int]]) -> tuple[CommandAccount, list[np.ndarray]]:
     """Commands `arrivals[k]` come before step k is chosen."""
-    account = CommandAccount(steps, NEUTRAL)
+    account = CommandAccount(steps, **NEUTRAL)
     chosen = []
     for k in range(steps):
         for answers in arrivals.get(k, []):
@@ -49,7 +49,7 @@ def test_late_stale_lost_and_repeated_are_told_apart() -> None:
 @given(st.lists(st.lists(st.integers(0, 39), max_size=4), min_size=40, max_size=40))
 def test_every_step_is_accounted_for_once(arrivals: list[list[int]]) -> None:
     """Whatever comes in whatever order, of states that were published."""
-    account = CommandAccount(40, NEUTRAL)
+    account = CommandAccount(40, **NEUTRAL)
     on_time = 0
     seen: set[int] = {0}
     account.receive(0, command(0))
@@ -71,7 +71,7 @@ def test_every_step_is_accounted_for_once(arrivals: list[list[int]]) -> None:
 
 
 def test_without_commands_it_goes_to_neutral_in_a_straight_line_and_a_new_command_is_taken_at_once() -> None:
-    account = CommandAccount(40, NEUTRAL)
+    account = CommandAccount(40, **NEUTRAL)
     account.receive(0, np.array([4.0, 1.0]))
     chosen = [account.choose().copy() for _ in range(12)]
     # steps 1 .. 6 hold command 0 (silence 0 .. 5), from step 7 on the ramp goes on
@@ -101,7 +101,7 @@ def paced(ticks_ns: list[int], steps: int = 100) -> tuple[RealTimePace, list[int
         taken_at_ns.append(clock.now_ns - 10**9)
         return len(taken_at_ns) < steps
 
-    pace = RealTimePace(CommandAccount(steps, NEUTRAL), DT_NS, step, clock)
+    pace = RealTimePace(CommandAccount(steps, **NEUTRAL), DT_NS, step, clock)
     pace.tick()
     assert not pace.begun
     pace.account.receive(0, command(0))
