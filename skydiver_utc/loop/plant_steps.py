@@ -106,12 +106,8 @@ class PlantSteps:
 
     def _goes_on(self) -> bool:
         """Look for a fault or a mishap in the state; False where the run cannot go on."""
-        if self.plant.is_sound(self.state):
-            return True
-        at = f"at {self.k * self._scenario.dt_s:.3f} s"
         if fault := self.plant.fault(self.state):
-            self.end(Outcome.DIVERGED, f"{fault} {at}")
-            return False
-        if self.outcome is Outcome.COMPLETED and (mishap := self.plant.mishap(self.state)):
-            self.end(Outcome.ROLLED_OVER, f"{mishap} {at}")
-        return True
+            self.end(Outcome.DIVERGED, f"{fault} at {self.k * self._scenario.dt_s:.3f} s")
+        elif self.outcome is Outcome.COMPLETED and (mishap := self.plant.mishap(self.state)):
+            self.end(Outcome.ROLLED_OVER, f"{mishap} at {self.k * self._scenario.dt_s:.3f} s")
+        return not fault
