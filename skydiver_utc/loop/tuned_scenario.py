@@ -40,13 +40,9 @@ class TunedScenario:
         known = {leaf.name: plain(leaf.value) for leaf in leaves(self.scenario)}
         return {name: plain(value) for name, value in given.items() if plain(value) != known.get(name)}
 
-    def with_values(self, values: Mapping[str, Any]) -> Scenario:
-        """The scenario with other values. Raises `ParameterError`."""
-        return override(self.scenario, values)
-
     def change(self, values: Mapping[str, Any]) -> None:
-        """Put these values in force."""
-        self.scenario = self.with_values(values)
+        """Put these values in force. Raises `ParameterError`."""
+        self.scenario = override(self.scenario, values)
         self._changed |= values
 
 

@@ -13,6 +13,7 @@ from skydiver_utc.messages import MessageError, change_text
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Rate
 from skydiver_utc.nodes.node import ScenarioNode
+from skydiver_utc.nodes.plant_topics import StampedTopic
 from skydiver_utc.parameters import ParameterError
 
 _PATIENCE_S = 5.0
@@ -22,9 +23,11 @@ class AnsweringNode(ScenarioNode):
     """Answers a step with its stamp; subscribes to its `inputs` only when it can answer.
 
     A step that is retransmitted gets the same answer, step 0 begins a new run, older ones are refused. `answered` is
-    the last step answered, -1 before the first; `pending`: step, state and stamp that wait for an answer. Where it
-    begins in a run, or with other parameters than the plant, there is a record of it on `changes`.
+    the last step answered, -1 before the first; `pending`: step, state and stamp that wait for an answer; `out`: where
+    it answers. Where it begins in a run, or with other parameters than the plant, there is a record of it on `changes`.
     """
+
+    out: StampedTopic
 
     def build(self) -> None:
         """Before any step; a subclass goes on from here."""
@@ -47,9 +50,6 @@ class AnsweringNode(ScenarioNode):
     def subscribe_to_inputs(self) -> list[Subscription]:
         """Subscribe to what it answers."""
         return []
-
-    def repeat(self, stamp: Any) -> None:
-        """Publish the last answer again."""
 
     def answer(self) -> None:
         """Answer what is pending, once all that it takes is there."""
@@ -84,7 +84,7 @@ class AnsweringNode(ScenarioNode):
         k = self.grid.step_of(stamp)
         if k == self.answered:
             self.refusals.counts["repeated"] += 1
-            self.repeat(stamp)
+            self.out.repeat(stamp)
             return
         if 0 < k < self.answered:
             raise MessageError("older", f"it is of step {k}, step {self.answered} was answered already")

@@ -2,12 +2,15 @@
 """The controller as a node: one command for each state, in real time for the newest, with the state's stamp."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
+from rosgraph_msgs.msg import Clock
 
 from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.protocol import Controller, Status
@@ -21,12 +24,21 @@ from skydiver_utc.loop.build import (
     preview_steps,
 )
 from skydiver_utc.loop.decisions import Decider
-from skydiver_utc.messages import MessageError, PreviewStore, StepGrid, read_named, read_preview, read_state
+from skydiver_utc.messages import (
+    TWIST_COMPONENTS,
+    MessageError,
+    PreviewStore,
+    StepGrid,
+    fill_fields,
+    read_named,
+    read_preview,
+    read_state,
+)
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.answering import AnsweringNode
-from skydiver_utc.nodes.controller_topics import ControllerTopics
 from skydiver_utc.nodes.diagnostics import Health, Level
-from skydiver_utc.parameters import ParameterError, Scenario
+from skydiver_utc.nodes.plant_topics import StampedTopic
+from skydiver_utc.parameters import ParameterError, Scenario, override
 from skydiver_utc.parameters.nanoseconds import stamp_ns
 
 _WARNINGS = {
@@ -64,7 +76,9 @@ class ControllerNode(AnsweringNode):
         self._preview = PreviewStore(len(self._reference.outputs))
         self._previewed = 0  # steps of the newest preview
         self._command = np.zeros(len(self._plant.control_names))
-        self._out = ControllerTopics(self, self._plant.control_names)
+        self.out = self._advertise_command()
+        self._telemetry = StampedTopic(self, topics.TELEMETRY, ())
+        self._vehicle_clock = self.publisher(topics.CLOCK) if self.settings.publish_clock else None
         measures = not (self._vehicle or self.scenario.has_estimator)
         disturbance = build_disturbances(self.scenario, true_plant) if measures else None
         self._decider = Decider(self._build(self.scenario), TrueState(), self._plant, disturbance)
@@ -99,10 +113,6 @@ class ControllerNode(AnsweringNode):
         if not self.scenario.has_estimator and (fault := self._plant.fault(state)):
             raise MessageError("model", fault)
         self.receive(message.header.stamp, state)
-
-    def repeat(self, stamp: Any) -> None:
-        """Publish the last command again."""
-        self._out.publish_command(stamp, self._command)
 
     def on_applied(self, message: Any) -> None:
         """Keep the applied command; a controller that starts during a run continues from it."""
@@ -145,7 +155,25 @@ class ControllerNode(AnsweringNode):
 
     def _use(self, controller: Controller) -> None:
         self._decider.controller = controller
-        self._out.name_telemetry(self._decider.telemetry_names)
+        self._telemetry.message.name = [*self._decider.telemetry_names, "solve_time", "status"]
+
+    def _advertise_command(self) -> StampedTopic:
+        """The command in the message that the plant takes."""
+        s, names = self.settings, self._plant.control_names
+        command = topics.COMMAND.of_type(topics.COMMAND_TYPES[s.command_message])
+        if self.scenario.has_estimator:
+            command = replace(command, subscribers=(topics.PLANT, topics.ESTIMATOR))
+        if s.command_message == "joint_state":
+            return StampedTopic(self, command, names)
+        if s.command_message == "float64_multi_array":
+            return StampedTopic(self, command, names, fill=_fill_data)
+        components = s.command_components
+        if len(components) != len(names) or not set(components) <= set(TWIST_COMPONENTS):
+            raise ParameterError(
+                f"command_components must name a component of the twist for each of {', '.join(names)}:"
+                f" {len(names)} of {', '.join(TWIST_COMPONENTS)}"
+            )
+        return StampedTopic(self, command, names, fill=partial(fill_fields, fields=components))
 
     @property
     def _needs(self) -> int:
@@ -195,9 +223,12 @@ class ControllerNode(AnsweringNode):
     def _decide(self, k: int, state: Array, preview: Array, stamp: Any) -> None:
         decision = self._decider.decide(k, state, preview)
         self._command = np.array(decision.control, dtype=np.float64)
-        self._out.publish_command(stamp, self._command)
+        self.out.answer(stamp, self._command)
         self.answered, self._status = k, decision.status
-        self._out.publish_telemetry(stamp, decision, self._decider.solve_time_s)
+        values = (self._decider.solve_time_s, float(decision.status))
+        self._telemetry.answer(stamp, np.append(decision.telemetry, values))
+        if self._vehicle_clock is not None:
+            self._vehicle_clock.publish(Clock(clock=stamp))
 
     def _waits_for_applied(self, k: int) -> bool:
         """True where this controller starts during a run and an applied command is published but not received yet."""
@@ -208,17 +239,17 @@ class ControllerNode(AnsweringNode):
     def _on_set_parameters(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         """Build the controller of the new values, which are in force from the next decision on."""
         values = self.tuned.news({p.name: p.value for p in parameters if self.is_live(p.name)})
-        if not values:
-            return SetParametersResult(successful=True)
         try:
-            controller = self._build(self.tuned.with_values(values))
+            if values:
+                controller = self._build(override(self.tuned.scenario, values))
+                if controller.preview_steps + 1 > self._most_preview_steps():
+                    raise ParameterError(
+                        "the controller would look further ahead than the reference node publishes"
+                    )
+                self.tuned.change(values)
+                self._coming = controller
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        if controller.preview_steps + 1 > self._most_preview_steps():
-            reason = "the controller would look further ahead than the reference node publishes"
-            return SetParametersResult(successful=False, reason=reason)
-        self.tuned.change(values)
-        self._coming = controller
         return SetParametersResult(successful=True)
 
     def _most_preview_steps(self) -> int:
@@ -226,3 +257,8 @@ class ControllerNode(AnsweringNode):
         started = preview_steps(self.scenario)
         chunk_steps = (self._previewed - 1 - started) // 2
         return max(self._needs, started + 1 + chunk_steps)
+
+
+def _fill_data(message: Any, values: Array) -> Any:
+    message.data = values.tolist()
+    return message

@@ -59,7 +59,7 @@ class EstimatorNode(AnsweringNode):
         self._readings: dict[tuple[int, int], Reading] = {}  # not used yet, by sensor and step
         self._recent = [deque[Array](maxlen=_RECENT) for _ in self._models]  # innovations
         consistency(np.ones((_RECENT, 1)))  # imports SciPy before the run
-        self._out = state_topic(self, topics.ESTIMATE, self._plant)
+        self.out = state_topic(self, topics.ESTIMATE, self._plant)
         judged = (f"{name}_{sensor.name}" for sensor in self._models for name in JUDGEMENT)
         names = (*estimator.telemetry_names, *judged)
         self._telemetry = StampedTopic(self, topics.ESTIMATOR_TELEMETRY, names)
@@ -96,12 +96,8 @@ class EstimatorNode(AnsweringNode):
         The controller repeats its command then, or, if it has been started again, decides on the estimate.
         """
         if self.pending is not None and self.answered >= 0 and self.grid.step_of(stamp) == self.pending[0]:
-            self.repeat(stamp)
+            self.out.repeat(self.out.message.header.stamp)
         super().receive(stamp, given)
-
-    def repeat(self, stamp: Any) -> None:
-        """Publish the last estimate again."""
-        self._out.publisher.publish(self._out.message)
 
     def on_command(self, message: Any) -> None:
         """Keep a command for the prediction of the next step."""
@@ -181,8 +177,8 @@ class EstimatorNode(AnsweringNode):
     def _publish(self, k: int, estimate: Array) -> None:
         estimator = self._estimation.estimator
         if estimator.covariance is not None and self._plant.state_message == "odometry":
-            _fill_covariance(self._out.message, estimate, estimator.covariance)
-        self._out.publish(k, estimate)
+            _fill_covariance(self.out.message, estimate, estimator.covariance)
+        self.out.publish(k, estimate)
         values = list(estimator.telemetry)
         for i, sensor in enumerate(self._models):
             values += self._judge(i, sensor)

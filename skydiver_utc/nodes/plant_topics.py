@@ -20,7 +20,7 @@ from skydiver_utc.plants.protocol import Plant
 
 
 class StampedTopic:
-    """A publisher of numbers with the stamp of their step, and its message; names: those of a JointState."""
+    """A publisher of numbers, and its message, with a stamp where the type has one; names: those of a JointState."""
 
     def __init__(
         self,
@@ -32,7 +32,8 @@ class StampedTopic:
     ) -> None:
         self.publisher, self.message = node.advertise(topic), topic.type()
         self._node, self._fill = node, fill
-        self.message.header.frame_id = frame
+        if hasattr(self.message, "header"):
+            self.message.header.frame_id = frame
         if hasattr(self.message, "name"):
             self.message.name = list(names)
         if hasattr(self.message, "child_frame_id"):
@@ -42,6 +43,17 @@ class StampedTopic:
         """Publish values (n,) of step k."""
         self._node.grid.set_stamp(self.message.header.stamp, k)
         self.publisher.publish(self._fill(self.message, values))
+
+    def answer(self, stamp: Any, values: Array) -> None:
+        """Publish values (n,) with the stamp of the message that they answer."""
+        self._fill(self.message, values)
+        self.repeat(stamp)
+
+    def repeat(self, stamp: Any) -> None:
+        """Publish the last values again."""
+        if hasattr(self.message, "header"):
+            self.message.header.stamp = stamp
+        self.publisher.publish(self.message)
 
 
 def state_topic(node: ScenarioNode, topic: Topic, plant: Plant) -> StampedTopic:
