@@ -65,15 +65,11 @@ class AnsweringNode(ScenarioNode):
 
     def deactivate(self) -> None:
         """End these subscriptions; the memory is kept."""
-        self.end_startup()
+        super().deactivate()
         self.pending = None
         for subscription in self.inputs:
             self.destroy_subscription(subscription)
         self.inputs = []
-
-    def shutdown(self) -> None:
-        """Answer nothing more."""
-        self.deactivate()
 
     def newest_step(self) -> int:
         """The step answered last."""

@@ -59,6 +59,7 @@ class ControllerNode(AnsweringNode):
 
     KIND = topics.CONTROLLER
     MAIN = topics.COMMAND
+    LIVE = ("controller.",)
 
     def build(self) -> None:
         """Build the controller, which compiles it."""
@@ -91,10 +92,6 @@ class ControllerNode(AnsweringNode):
         self._begin(None)
         if self._applieds is None:
             self._applieds = self.subscribe(topics.APPLIED_COMMAND, self.on_applied, self._qos)
-
-    def is_live(self, name: str) -> bool:
-        """True for the settings of the controller itself."""
-        return name.startswith("controller.")
 
     def on_preview(self, message: Any) -> None:
         """Keep a preview of the reference; answer the pending state."""
@@ -238,7 +235,7 @@ class ControllerNode(AnsweringNode):
 
     def _on_set_parameters(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         """Build the controller of the new values, which are in force from the next decision on."""
-        values = self.tuned.news({p.name: p.value for p in parameters if self.is_live(p.name)})
+        values = self.tuned.news({p.name: p.value for p in parameters if p.name.startswith(self.LIVE)})
         try:
             if values:
                 controller = self._build(override(self.tuned.scenario, values))

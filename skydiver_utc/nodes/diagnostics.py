@@ -9,9 +9,6 @@ from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-_RESIDENT = Path("/proc/self/statm")
-
-
 Level = DiagnosticStatus  # its constants OK, WARN and ERROR
 
 
@@ -50,9 +47,5 @@ def diagnostic_message(name: str, health: Health) -> Any:
 
 
 def memory_mb() -> float:
-    """Resident memory of this process [MB]; where /proc is absent, the largest it ever was."""
-    try:
-        pages = int(_RESIDENT.read_text(encoding="ascii").split()[1])
-    except OSError:
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    return pages * resource.getpagesize() / 1e6
+    """Resident memory of this process [MB]."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e6

@@ -18,7 +18,8 @@ from rclpy.timer import Timer
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.parameters import ParameterError
 
-UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
+UNCONFIGURED, ACTIVE = "unconfigured", "active"
+_STARTUP_POLL_S = 0.02
 
 
 class RefusedError(ValueError):
@@ -53,6 +54,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
         self.active = self.shut_down = False
         self.last_transition = ""
         self._error: Exception | None = None
+        self._begins: Timer | None = None
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         for transition in ("configure", "activate", "deactivate", "cleanup", "shutdown"):
             setattr(self, f"on_{transition}", partial(self._carry_out, transition))
@@ -69,12 +71,14 @@ class ManagedNode(LifecycleNodeMixin, Node):
 
     def deactivate(self) -> None:
         """Stop working; `activate` continues from here."""
+        self.end_startup()
 
     def cleanup(self) -> None:
         """Undo `configure`."""
 
     def shutdown(self) -> None:
         """End in order, from any state."""
+        self.deactivate()
 
     @property
     def lifecycle(self) -> str:
@@ -84,6 +88,23 @@ class ManagedNode(LifecycleNodeMixin, Node):
     def every(self, period_s: float, callback: Callable[[], None]) -> Timer:
         """A timer on the steady clock, whatever simulated time does."""
         return self.create_timer(period_s, callback, clock=self._steady_clock)
+
+    def begin_when(self, ready: Callable[[], bool], begin: Callable[[], None]) -> None:
+        """Call `begin` once, as soon as `ready` and unless `end_startup` comes before."""
+
+        def look() -> None:
+            # An executor may call a timer once more that was destroyed.
+            if self._begins is timer and ready():
+                self.end_startup()
+                begin()
+
+        self._begins = timer = self.every(_STARTUP_POLL_S, look)
+
+    def end_startup(self) -> None:
+        """Begin no more."""
+        if self._begins is not None:
+            self.destroy_timer(self._begins)
+            self._begins = None
 
     def start(self) -> None:
         """Configure and activate; an error is raised."""

@@ -15,7 +15,6 @@ from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
-from rclpy.timer import Timer
 
 from skydiver_utc.messages import MessageError, Refusals, StepGrid
 from skydiver_utc.nodes import topics
@@ -25,7 +24,6 @@ from skydiver_utc.nodes.topics import NAMESPACE, Topic
 from skydiver_utc.parameters.nodes import resolve, scalars
 
 _DIAGNOSTICS_PERIOD_S = 1.0
-_STARTUP_POLL_S = 0.02
 _PATIENCE_S = 5.0
 _NEW_S = 10.0  # how long a node looks for another one of its name; discovery takes up to 3 s
 
@@ -40,6 +38,7 @@ class ScenarioNode(ManagedNode):
 
     KIND: ClassVar[str]
     MAIN: ClassVar[Any] = None  # the topic of which a namespace has one publisher; None: any number
+    LIVE: ClassVar[tuple[str, ...]] = ()  # how names of parameters begin that can be set while the node runs
 
     def __init__(
         self,
@@ -59,7 +58,6 @@ class ScenarioNode(ManagedNode):
             self.look_s = look_s
             self._id, self._started_at = uuid.uuid4().hex, time.monotonic()
             self._advertised: dict[Topic, Publisher] = {}
-            self._begins: Timer | None = None
             self._cpu_percent = Rate(100.0 * time.process_time())
             self._diagnostics = self.publisher(topics.DIAGNOSTICS)
             if self.MAIN is not None:
@@ -69,7 +67,7 @@ class ScenarioNode(ManagedNode):
             for name, value in scalars(resolved.settings, self.scenario).items():
                 if value == []:  # rclpy has no type for it
                     continue
-                fixed = ParameterDescriptor(read_only=not self.is_live(name))
+                fixed = ParameterDescriptor(read_only=not name.startswith(self.LIVE))
                 self.declare_parameter(name, value, fixed, ignore_override=True)
             changes = ", ".join(f"{name} = {value}" for name, value in resolved.changes.items())
             self.get_logger().info(f"scenario {self.scenario.name}" + (f" with {changes}" if changes else ""))
@@ -80,10 +78,6 @@ class ScenarioNode(ManagedNode):
     def build(self) -> None:
         """The end of the constructor: the parts, publishers and subscriptions of this node."""
 
-    def is_live(self, name: str) -> bool:
-        """True for a parameter that can be set while the node runs."""
-        return False
-
     def set_parameters_atomically(self, parameter_list: list[Any]) -> SetParametersResult:
         """Set all or none; called by rclpy for each request, whose own sentence names no unknown parameter."""
         for parameter in parameter_list:
@@ -91,23 +85,6 @@ class ScenarioNode(ManagedNode):
                 reason = f"there is no parameter {parameter.name}"
                 return SetParametersResult(successful=False, reason=reason)
         return super().set_parameters_atomically(parameter_list)
-
-    def begin_when(self, ready: Callable[[], bool], begin: Callable[[], None]) -> None:
-        """Call `begin` once, as soon as `ready` and unless `end_startup` comes before."""
-
-        def look() -> None:
-            # An executor may call a timer once more that was destroyed.
-            if self._begins is timer and ready():
-                self.end_startup()
-                begin()
-
-        self._begins = timer = self.every(_STARTUP_POLL_S, look)
-
-    def end_startup(self) -> None:
-        """Begin no more."""
-        if self._begins is not None:
-            self.destroy_timer(self._begins)
-            self._begins = None
 
     def missing(self) -> str:
         """The reason why this node waits, logged every few seconds; empty when it does not wait."""
@@ -122,10 +99,6 @@ class ScenarioNode(ManagedNode):
     def is_new(self) -> bool:
         """True while another node of this kind may not have been discovered yet."""
         return self._age_s < self.look_s
-
-    def refuse(self, sentence: str) -> None:
-        """Take no part, or no longer: the process ends with this sentence."""
-        self.refused = self.refused or sentence
 
     def close(self) -> int:
         """Log the refused messages and return the exit code; the node can still publish."""
@@ -233,8 +206,9 @@ class ScenarioNode(ManagedNode):
                     self._refuse_for(other.node_name)
 
     def _refuse_for(self, other: str) -> None:
+        """Take no part, or no longer: the process ends with this sentence."""
         topic = self.resolve_topic_name(self.MAIN.name)
-        self.refuse(
+        self.refused = self.refused or (
             f"the node {other} publishes {topic} already: end it first, or give this node another namespace"
         )
 

@@ -93,7 +93,7 @@ class PlantNode(ScenarioNode):
         """Pause between two steps; a run in real time cannot."""
         if self._pace is not None and self._pace.begun and not self.done:
             raise RefusedError("a run in real time cannot pause: shut the plant down to end it")
-        self.end_startup()
+        super().deactivate()
 
     def cleanup(self) -> None:
         """End a run that is paused."""

@@ -126,11 +126,9 @@ def _exit_within(seconds: int, code: int) -> None:
     """Let the C library end the process if it has not ended by then.
 
     Fast DDS 2.14 can hang while a node ends and others come or go, with Python's lock held. An exit
-    without ending the node would leave its shared memory behind, 0.5 MB a process. macOS has no such timers.
+    without ending the node would leave its shared memory behind, 0.5 MB a process.
     """
     libc = ctypes.CDLL(None)
-    if not hasattr(libc, "timer_create"):
-        return
     exit_function = ctypes.cast(libc._exit, ctypes.c_void_p).value
     # struct sigevent: value, signal, SIGEV_THREAD, function; struct itimerspec: interval, time to go
     event = struct.pack("@Pii2P48x", code, 0, 2, exit_function, 0)

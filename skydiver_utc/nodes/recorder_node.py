@@ -43,8 +43,8 @@ class RecorderNode(ScenarioNode):
     It is `done` with the outcome of its run. A recording that fails, on a full disk, does not stop the run: the
     messages are dropped, `failure` is the reason, and the exit code is 1.
 
-    Configured it has an open bag and is subscribed; active it records, also what has come while it was inactive: the
-    newest 10 000 messages of each topic, none older. Where it ends inactive, a warning counts them: they are lost.
+    Configured it has an open bag and is subscribed; active or at its end it records, also what has come while it was
+    inactive: the newest 10 000 messages of each topic, none older.
     """
 
     KIND = topics.RECORDER
@@ -91,12 +91,16 @@ class RecorderNode(ScenarioNode):
         self._announced = True
 
     def cleanup(self) -> None:
-        """Close the bag."""
-        self._close_bag()
+        """Record the messages still on their way and close the bag."""
+        try:
+            if self._bag is not None:
+                self._drain_the_rest()
+        finally:
+            self._close_bag()
 
     def shutdown(self) -> None:
-        """Close the bag, with all messages of a run that has ended."""
-        self._end_recording()
+        """The same."""
+        self.cleanup()
 
     def newest_step(self) -> int:
         """The step of the newest clock or state."""
@@ -113,11 +117,10 @@ class RecorderNode(ScenarioNode):
         received = self._take_all()
         self._record(received)
         self.done = self._run.ended
-        return _count_of_run(received)
+        return sum(each.topic.name not in _OF_ANY_NODE for each, _ in received)
 
     def close(self) -> int:
-        """Record the messages still on their way and close the bag."""
-        self._end_recording()
+        self.cleanup()
         return super().close() or (FAILED if self.failure else 0)
 
     def missing(self) -> str:
@@ -130,16 +133,16 @@ class RecorderNode(ScenarioNode):
         if not self._run.ended:
             return []
         states = self._run.expected_states(self.grid.dt_ns)
-        sentences = []
-        for each in self._inputs:
-            fewer = each.topic.fewer_than_states
-            if fewer is None or not (each.topic.needed or each.count):
-                continue
-            if each.count < states - fewer:
-                sentences.append(
-                    f"only {each.count} of {states - fewer} messages of {each.topic.name} were recorded"
-                )
-        return sentences
+        expected = [
+            (each, states - each.topic.fewer_than_states)
+            for each in self._inputs
+            if each.topic.fewer_than_states is not None and (each.topic.needed or each.count)
+        ]
+        return [
+            f"only {each.count} of {count} messages of {each.topic.name} were recorded"
+            for each, count in expected
+            if each.count < count
+        ]
 
     def _new_run(self) -> RunMonitor:
         length_ns = self.scenario.steps * self.scenario.dt_ns
@@ -196,13 +199,6 @@ class RecorderNode(ScenarioNode):
         except RecordingError as error:
             self._fail(error)
 
-    def _end_recording(self) -> None:
-        try:
-            if self.active and self._bag is not None:
-                self._drain_the_rest()
-        finally:
-            self._close_bag()
-
     def _drain_the_rest(self) -> None:
         """Record the remaining messages: all of a run that has ended, else the outcome if it comes within a second."""
         began = time.monotonic()
@@ -225,8 +221,6 @@ class RecorderNode(ScenarioNode):
             bag.close()
         except RecordingError as error:
             self._fail(error)
-        if not self.active and (waiting := _count_of_run(self._take_all())):
-            self.get_logger().warning(f"{waiting} messages came while inactive and are not in the bag")
         for sentence in self.not_in_bag():
             self.get_logger().warning(sentence)
         if bag.dropped:
@@ -278,7 +272,3 @@ class RecorderNode(ScenarioNode):
         for each in self._inputs:
             for sentence in each.wrong_types():
                 self.get_logger().error(sentence)
-
-
-def _count_of_run(received: _Received) -> int:
-    return sum(each.topic.name not in _OF_ANY_NODE for each, _ in received)

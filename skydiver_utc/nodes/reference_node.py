@@ -59,10 +59,6 @@ class ReferenceNode(ScenarioNode):
         """Publish a first chunk, from which the controller can begin, as soon as the plant's clock is received."""
         self.begin_when(self._is_matched, self._begin)
 
-    def deactivate(self) -> None:
-        """Publish nothing."""
-        self.end_startup()
-
     def on_clock(self, message: Any) -> None:
         """Publish what is due at a step of simulated time."""
         self._on_step(self.grid.step_of(message.clock))

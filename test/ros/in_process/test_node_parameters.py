@@ -66,7 +66,7 @@ def test_what_can_be_set_while_the_controller_runs_is_loaded(ros: Ros, tmp_path:
     node = ros.node("controller", {"scenario": cart_file(tmp_path)})
     client = Client(ros, node)
     dumped = client.dump()
-    live = {name: value for name, value in dumped.items() if node.is_live(name)}
+    live = {name: value for name, value in dumped.items() if name.startswith(node.LIVE)}
     assert live
     results = client.load({**live, "duration_s": 1.0})
     assert [result.successful for result in results] == [True] * len(live) + [False]
