@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One node, for the other launch files.
+"""One node, for closed_loop.launch.xml.
 
 An estimator ends at once where the scenario has none. A node that refuses to start ends the launch with a reason. A
 plant that ends ends the other nodes of its namespace.

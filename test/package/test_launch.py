@@ -62,16 +62,6 @@ def test_nodes_are_given_parameters_that_they_have() -> None:
     }
 
 
-def test_two_skydivers_differ_in_namespace_clock_and_folder() -> None:
-    includes = list(ElementTree.parse(FOLDER / "two_skydivers.launch.xml").getroot().iter("include"))
-    given = [{a.get("name"): a.get("value") for a in include.iter("arg")} for include in includes]
-    assert len(given) == 2
-    known = {argument.get("name") for argument in CLOSED_LOOP.findall("arg")}
-    assert all(set(arguments) <= known for arguments in given)
-    for name in ("namespace", "clock", "out"):
-        assert given[0][name] != given[1][name]
-
-
 class _Node:
     """Stands for launch_ros.actions.Node."""
 
