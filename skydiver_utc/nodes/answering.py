@@ -8,6 +8,7 @@ from rclpy.subscription import Subscription
 from std_msgs.msg import String
 
 from skydiver_utc.arrays import Array
+from skydiver_utc.loop.build import build_disturbances, build_true_plant, model_beside
 from skydiver_utc.loop.tuned_scenario import TunedScenario
 from skydiver_utc.messages import MessageError, change_text
 from skydiver_utc.nodes import topics
@@ -34,6 +35,12 @@ class AnsweringNode(ScenarioNode):
         self.answered, self.rate, self.received_at = -1, Rate(), time.monotonic()
         self.pending: tuple[int, Any, Any] | None = None
         self.inputs: list[Subscription] = []
+        self.get_logger().info("building")
+        true_plant = build_true_plant(self.scenario)
+        self.plant = model_beside(true_plant, self.scenario)
+        self.disturbance = build_disturbances(self.scenario, true_plant)
+        self.lockstep = self.settings.mode == "lockstep"
+        self.newest = None if self.lockstep else topics.NEWEST  # quality of service of what it answers
         self.tuned = TunedScenario(self.scenario, getattr(self.settings, "delay_steps", 0))
         self.is_first, self._began_at = True, 0  # true until the first answer; the step of that answer
         self.began_from: Array | None = None  # the applied command that it begins from

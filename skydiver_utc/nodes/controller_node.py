@@ -15,14 +15,7 @@ from rosgraph_msgs.msg import Clock
 from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.protocol import Controller, Status
 from skydiver_utc.estimators.true_state import TrueState
-from skydiver_utc.loop.build import (
-    build_compiled_controller,
-    build_disturbances,
-    build_reference,
-    build_true_plant,
-    model_beside,
-    preview_steps,
-)
+from skydiver_utc.loop.build import build_compiled_controller, build_reference, preview_steps
 from skydiver_utc.loop.decisions import Decider
 from skydiver_utc.messages import (
     TWIST_COMPONENTS,
@@ -65,24 +58,20 @@ class ControllerNode(AnsweringNode):
         """Build the controller, which compiles it."""
         super().build()
         self._vehicle = self.settings.mode == "vehicle"
-        self._qos = None if self.settings.mode == "lockstep" else topics.NEWEST
         self._status = Status.SOLVED
         self._applieds: Subscription | None = None  # until the first decision
         self._coming: Controller | None = None  # in force from the next decision on
         self._applied: Array | None = None  # the newest applied command
-        self.get_logger().info("building")
-        true_plant = build_true_plant(self.scenario)
-        self._plant = model_beside(true_plant, self.scenario)
         self._reference = build_reference(self.scenario)
         self._preview = PreviewStore(len(self._reference.outputs))
         self._previewed = 0  # steps of the newest preview
-        self._command = np.zeros(len(self._plant.control_names))
+        self._command = np.zeros(len(self.plant.control_names))
         self.out = self._advertise_command()
         self._telemetry = StampedTopic(self, topics.TELEMETRY, ())
         self._vehicle_clock = self.publisher(topics.CLOCK) if self.settings.publish_clock else None
         measures = not (self._vehicle or self.scenario.has_estimator)
-        disturbance = build_disturbances(self.scenario, true_plant) if measures else None
-        self._decider = Decider(self._build(self.scenario), TrueState(), self._plant, disturbance)
+        disturbance = self.disturbance if measures else None
+        self._decider = Decider(self._build(self.scenario), TrueState(), self.plant, disturbance)
         self._use(self._decider.controller)
         self.subscribe(topics.REFERENCE_PREVIEW, self.on_preview)
         self.add_on_set_parameters_callback(self._on_set_parameters)
@@ -91,7 +80,7 @@ class ControllerNode(AnsweringNode):
         """The controller at a run's beginning."""
         self._begin(None)
         if self._applieds is None:
-            self._applieds = self.subscribe(topics.APPLIED_COMMAND, self.on_applied, self._qos)
+            self._applieds = self.subscribe(topics.APPLIED_COMMAND, self.on_applied, self.newest)
 
     def on_preview(self, message: Any) -> None:
         """Keep a preview of the reference; answer the pending state."""
@@ -106,14 +95,14 @@ class ControllerNode(AnsweringNode):
     def on_state(self, message: Any) -> None:
         """Answer a state, or estimate."""
         frames = (self.settings.world_frame, self.settings.body_frame)
-        state = read_state(message, self._plant.state_names, frames)
-        if not self.scenario.has_estimator and (fault := self._plant.fault(state)):
+        state = read_state(message, self.plant.state_names, frames)
+        if not self.scenario.has_estimator and (fault := self.plant.fault(state)):
             raise MessageError("model", fault)
         self.receive(message.header.stamp, state)
 
     def on_applied(self, message: Any) -> None:
         """Keep the applied command; a controller that starts during a run continues from it."""
-        self._applied = read_named(message, self._plant.control_names)
+        self._applied = read_named(message, self.plant.control_names)
         self.answer()
 
     def health(self) -> Health:
@@ -148,7 +137,7 @@ class ControllerNode(AnsweringNode):
 
     def _build(self, scenario: Scenario) -> Controller:
         delay_steps = self.settings.delay_steps
-        return build_compiled_controller(scenario, self._plant, self._reference, delay_steps)
+        return build_compiled_controller(scenario, self.plant, self._reference, delay_steps)
 
     def _use(self, controller: Controller) -> None:
         self._decider.controller = controller
@@ -156,7 +145,7 @@ class ControllerNode(AnsweringNode):
 
     def _advertise_command(self) -> StampedTopic:
         """The command in the message that the plant takes."""
-        s, names = self.settings, self._plant.control_names
+        s, names = self.settings, self.plant.control_names
         command = topics.COMMAND.of_type(topics.COMMAND_TYPES[s.command_message])
         if self.scenario.has_estimator:
             command = replace(command, subscribers=(topics.PLANT, topics.ESTIMATOR))
@@ -190,8 +179,7 @@ class ControllerNode(AnsweringNode):
     def subscribe_to_inputs(self) -> list[Subscription]:
         """Subscribe to the state, or the estimate."""
         topic = topics.ESTIMATE if self.scenario.has_estimator else topics.STATE
-        topic = topic.of_type(topics.STATE_TYPES[self._plant.state_message])
-        return [self.subscribe(topic, self.on_state, self._qos)]
+        return [self.subscribe(topic.of_plant(self.plant), self.on_state, self.newest)]
 
     def answer(self) -> None:
         """Decide on the pending state, once its preview is complete."""

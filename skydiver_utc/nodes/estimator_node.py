@@ -12,13 +12,7 @@ from skydiver_utc.arrays import Array
 from skydiver_utc.estimators.consistency import JUDGEMENT, VERDICTS, Consistency, consistency
 from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.estimators.sensor_models import SensorOfPlant
-from skydiver_utc.loop.build import (
-    build_disturbances,
-    build_estimator,
-    build_sensors,
-    build_true_plant,
-    model_beside,
-)
+from skydiver_utc.loop.build import build_estimator, build_sensors
 from skydiver_utc.loop.estimation import Estimation
 from skydiver_utc.messages import read_fields, read_named, read_state
 from skydiver_utc.nodes import topics
@@ -47,28 +41,23 @@ class EstimatorNode(AnsweringNode):
         if not self.scenario.has_estimator:
             raise NotNeededError(f"the scenario {self.scenario.name} has no estimator")
         super().build()
-        self._lockstep = self.settings.mode == "lockstep"
-        self.get_logger().info("building")
-        true_plant = build_true_plant(self.scenario)
-        self._plant = model_beside(true_plant, self.scenario)
-        estimator = build_estimator(self.scenario, self._plant)
-        disturbance = build_disturbances(self.scenario, true_plant)
-        self._estimation = Estimation(estimator, self._plant, disturbance)
-        self._sensors = build_sensors(self.scenario, self._plant)
+        estimator = build_estimator(self.scenario, self.plant)
+        self._estimation = Estimation(estimator, self.plant, self.disturbance)
+        self._sensors = build_sensors(self.scenario, self.plant)
         self._models = self._sensors.models if self._sensors else []
         self._readings: dict[tuple[int, int], Reading] = {}  # not used yet, by sensor and step
         self._recent = [deque[Array](maxlen=_RECENT) for _ in self._models]  # innovations
         consistency(np.ones((_RECENT, 1)))  # imports SciPy before the run
-        self.out = state_topic(self, topics.ESTIMATE, self._plant)
+        self.out = state_topic(self, topics.ESTIMATE, self.plant)
         judged = (f"{name}_{sensor.name}" for sensor in self._models for name in JUDGEMENT)
         names = (*estimator.telemetry_names, *judged)
         self._telemetry = StampedTopic(self, topics.ESTIMATOR_TELEMETRY, names)
-        self.subscribe(topics.COMMAND, self.on_command, None if self._lockstep else topics.NEWEST)
+        self.subscribe(topics.COMMAND, self.on_command, self.newest)
 
     def begin_run(self) -> None:
         """The estimator at a run's beginning."""
         self.is_first, self._due_at = True, -1
-        self._commanded, self._command = -1, self._plant.initial_control()
+        self._commanded, self._command = -1, self.plant.initial_control()
         self._estimation.begin()
         if self._sensors is not None:
             self._sensors.reset()
@@ -80,11 +69,10 @@ class EstimatorNode(AnsweringNode):
 
     def subscribe_to_inputs(self) -> list[Subscription]:
         """To the measurements last: a plant that has matched these has matched the clock, too."""
-        newest, each = (None, None) if self._lockstep else (topics.NEWEST, topics.EACH_AS_IT_COMES)
         if self._sensors is None:
-            state = topics.STATE.of_type(topics.STATE_TYPES[self._plant.state_message])
-            return [self.subscribe(state, self.on_state, newest)]
-        inputs = [self.subscribe(topics.CLOCK, self.on_clock, newest)]
+            return [self.subscribe(topics.STATE.of_plant(self.plant), self.on_state, self.newest)]
+        inputs = [self.subscribe(topics.CLOCK, self.on_clock, self.newest)]
+        each = None if self.lockstep else topics.EACH_AS_IT_COMES
         for i, sensor in enumerate(self._models):
             topic = topics.sensor_topic(sensor.name, sensor.message)
             inputs.append(self.subscribe(topic, partial(self.on_reading, i, sensor), each))
@@ -101,7 +89,7 @@ class EstimatorNode(AnsweringNode):
 
     def on_command(self, message: Any) -> None:
         """Keep a command for the prediction of the next step."""
-        k, command = self.grid.step_of(message.header.stamp), read_named(message, self._plant.control_names)
+        k, command = self.grid.step_of(message.header.stamp), read_named(message, self.plant.control_names)
         self._commanded, self._command = k, command
         self.answer()
 
@@ -117,7 +105,7 @@ class EstimatorNode(AnsweringNode):
 
     def on_state(self, message: Any) -> None:
         """Estimate at a state."""
-        self.receive(message.header.stamp, read_state(message, self._plant.state_names))
+        self.receive(message.header.stamp, read_state(message, self.plant.state_names))
 
     def health(self) -> Health:
         """The newest estimate, and of each sensor whether it is as exact as it says."""
@@ -148,7 +136,7 @@ class EstimatorNode(AnsweringNode):
         k, state, _ = self.pending
         first = self.is_first
         measured = self._measured(k) if self._sensors else state
-        if measured is None or (self._lockstep and not first and self._commanded < k - 1):
+        if measured is None or (self.lockstep and not first and self._commanded < k - 1):
             return
         self.pending = None
         self._readings = {key: later for key, later in self._readings.items() if later.step > k}
@@ -165,7 +153,7 @@ class EstimatorNode(AnsweringNode):
 
         In lockstep these are known from the scenario, in real time those count that are there.
         """
-        if not self._lockstep:
+        if not self.lockstep:
             return [reading for reading in self._readings.values() if reading.step <= k]
         assert self._sensors is not None
         while self._due_at < k:
@@ -176,7 +164,7 @@ class EstimatorNode(AnsweringNode):
 
     def _publish(self, k: int, estimate: Array) -> None:
         estimator = self._estimation.estimator
-        if estimator.covariance is not None and self._plant.state_message == "odometry":
+        if estimator.covariance is not None and self.plant.state_message == "odometry":
             _fill_covariance(self.out.message, estimate, estimator.covariance)
         self.out.publish(k, estimate)
         values = list(estimator.telemetry)

@@ -82,7 +82,7 @@ class ObservedRun:
         self.reference: Array = np.zeros(len(self.tracked))
         self.telemetry: dict[str, float] = {}
         self._grid: StepGrid = StepGrid(self.scenario.stamp_ns(0), self.scenario.dt_ns, exact=False)
-        self._subscribe(topics.STATE.of_type(topics.STATE_TYPES[self.plant.state_message]), self._on_state)
+        self._subscribe(topics.STATE.of_plant(self.plant), self._on_state)
         self._subscribe(topics.APPLIED_COMMAND, self._on_applied)
         self._subscribe(topics.SETPOINT, self._on_setpoint)
         self._subscribe(topics.TELEMETRY, self._on_telemetry)

@@ -47,14 +47,15 @@ class PlantNode(ScenarioNode):
         self.run_id = ""
         self.retransmitted = self._retries = 0
         self._rate = Rate()
+        self._progress_steps = max(1, round(_PROGRESS_PERIOD_S / self.scenario.dt_s))
         self._timers_of_run: list[Timer] = []
         self._recorder_ready = not self.settings.wait_for_recorder
         self._pace: RealTimePace | None = None
         self.get_logger().info("building")
-        self._run = PlantSteps(self.scenario)
-        sensors = self._run.sensors.models if self._run.sensors else ()
-        self._out = PlantTopics(self, self._run.plant, self._run.disturbance, sensors)
-        self._display = PlantDisplay(self, self._run.plant)
+        self.run = PlantSteps(self.scenario)
+        sensors = self.run.sensors.models if self.run.sensors else ()
+        self._out = PlantTopics(self, self.run.plant, self.run.disturbance, sensors)
+        self._display = PlantDisplay(self, self.run.plant)
         real_time = self.settings.mode == "real_time"
         qos = topics.EACH_AS_IT_COMES if real_time else None
         self._commands = self.subscribe(topics.COMMAND, self.on_command, qos)
@@ -66,7 +67,7 @@ class PlantNode(ScenarioNode):
         """Go to the scenario's beginning, under a new id of the run."""
         self._retries, self.retransmitted, self.done = 0, 0, False
         self.run_id = uuid.uuid4().hex
-        self._run.reset()
+        self.run.reset()
         self._command_of_pause: Any = None  # the step that it answers waits for the end of a pause
         self._pace = self._create_pace() if self.settings.mode == "real_time" else None
         self._out.scenario.publish(String(data=scenario_text(to_yaml(self.scenario), self.run_id)))
@@ -107,12 +108,7 @@ class PlantNode(ScenarioNode):
     @property
     def k(self) -> int:
         """The step whose state was published last, -1 before the run."""
-        return self._run.k
-
-    @property
-    def outcome(self) -> Outcome:
-        """The outcome of the run so far."""
-        return self._run.outcome
+        return self.run.k
 
     def newest_step(self) -> int:
         """The step whose state was published last."""
@@ -124,18 +120,18 @@ class PlantNode(ScenarioNode):
 
     def on_push(self, message: Any) -> None:
         """Add to the states that it names at the next step."""
-        states, able = self._run.plant.state_names, states_to_push(self._run.plant)
+        states, able = self.run.plant.state_names, states_to_push(self.run.plant)
         if not set(message.name) <= set(able):
             raise MessageError("names", f"it names {list(message.name)}: a push is of {', '.join(able)}")
         change = np.zeros(len(states))
         change[[states.index(name) for name in message.name]] = read_named(message, message.name)
-        self._run.push(change)
+        self.run.push(change)
 
     def on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Reset the state at the next step of a run that has begun and not ended."""
         response.success = self.k >= 0 and not self.done
         if response.success:
-            self._run.reset_state()
+            self.run.reset_state()
         else:
             response.message = "no run goes on: start one, then reset its state"
         return response
@@ -147,7 +143,7 @@ class PlantNode(ScenarioNode):
         k = self.grid.step_of(message.header.stamp)
         if k > self.k:
             raise MessageError("stamp", f"it answers step {k}, the plant is at step {self.k}")
-        command = read_named(message, self._run.plant.control_names)
+        command = read_named(message, self.run.plant.control_names)
         if self._pace is not None:
             self._pace.account.receive(k, command)
             if not self._pace.begun and self.active:
@@ -175,8 +171,8 @@ class PlantNode(ScenarioNode):
             values |= {**pace.account.as_dict(), "late_steps": pace.late_steps}
         level, sentence = Level.OK, "running"
         if self.done:
-            level = Level.OK if self.outcome in _EXIT_ZERO else Level.ERROR
-            sentence = f"{self.outcome.value}: {self._run.reason}"
+            level = Level.OK if self.run.outcome in _EXIT_ZERO else Level.ERROR
+            sentence = f"{self.run.outcome.value}: {self.run.reason}"
         elif commanders > 1 or plants > 1:
             level = Level.ERROR
             sentence = f"{commanders} publishers of command and {plants} of state: there must be one of each"
@@ -197,12 +193,12 @@ class PlantNode(ScenarioNode):
         """End a run that still goes on, then wait until the subscribers have everything."""
         self._abort("stopped by a signal")
         wait_for_subscribers(self, self._advertised.values(), _LAST_ACKNOWLEDGEMENT_S)
-        return super().close() or (0 if self.outcome in _EXIT_ZERO else FAILED)
+        return super().close() or (0 if self.run.outcome in _EXIT_ZERO else FAILED)
 
     def _create_pace(self) -> RealTimePace:
         s, dt_s = self.settings, self.scenario.dt_s
         after, ramp = round(s.neutral_after_s / dt_s), round(s.neutral_time_s / dt_s)
-        account = CommandAccount(self.scenario.steps, self._run.plant.initial_control(), after, ramp)
+        account = CommandAccount(self.scenario.steps, self.run.plant.initial_control(), after, ramp)
         return RealTimePace(account, self.scenario.dt_ns, self._step, self._now_ns)
 
     def _now_ns(self) -> int:
@@ -245,9 +241,9 @@ class PlantNode(ScenarioNode):
     def _begin(self) -> None:
         self._timers_of_run = [self.every(self.settings.command_timeout_s / 4, self._watch_command)]
         self._began_at = time.monotonic()
-        goes_on = self._run.begin()
+        goes_on = self.run.begin()
         self._publish_state()
-        self._display.publish(self.k, self._run.state, self._run.applied)
+        self._display.publish(self.k, self.run.state, self.run.applied)
         if not goes_on:
             self._finish()
 
@@ -263,13 +259,12 @@ class PlantNode(ScenarioNode):
 
     def _step(self, command: Any) -> bool:
         """One step; False when the run is over."""
-        goes_on = self._run.step(command)
+        goes_on = self.run.step(command)
         self._retries = 0
-        if self._run.pushed is not None:
-            self._out.pushed.publish(self.k, self._run.pushed)
+        if self.run.pushed is not None:
+            self._out.pushed.publish(self.k, self.run.pushed)
         self._publish_state()
-        self._out.applied.publish(self.k - 1, self._run.control)
-        self._display.publish(self.k, self._run.state, self._run.applied)
+        self._display.publish(self.k, self.run.state, self.run.applied)
         if not goes_on:
             self._finish()
         elif self.settings.progress and self.k % self._progress_steps == 0:
@@ -278,22 +273,21 @@ class PlantNode(ScenarioNode):
 
     def _report(self) -> dict[str, object]:
         """The step in values; `late`: steps of real time that held an older command."""
-        plant, account = self._run.plant, None if self._pace is None else self._pace.account
+        plant, account = self.run.plant, None if self._pace is None else self._pace.account
         return {
             "step": self.k,
             "steps": self.scenario.steps,
-            "outputs": dict(zip(plant.output_names, plant.outputs(self._run.state).tolist(), strict=True)),
-            "controls": dict(zip(plant.control_names, self._run.control.tolist(), strict=True)),
+            "outputs": dict(zip(plant.output_names, plant.outputs(self.run.state).tolist(), strict=True)),
+            "controls": dict(zip(plant.control_names, self.run.control.tolist(), strict=True)),
             "late": None if account is None else account.steps - account.on_time,
         }
 
-    @property
-    def _progress_steps(self) -> int:
-        return max(1, round(_PROGRESS_PERIOD_S / self.scenario.dt_s))
-
     def _publish_state(self) -> None:
-        self._out.publish_readings(self._run.readings or ())
-        self._out.publish_state(self.k, self._run.state)
+        """The state, and the control that led to it, from which a restarted controller continues."""
+        self._out.publish_readings(self.run.readings or ())
+        self._out.publish_state(self.k, self.run.state)
+        if self.k > 0:
+            self._out.applied.publish(self.k - 1, self.run.control)
         self._published_at = time.monotonic()
 
     def _watch_command(self) -> None:
@@ -311,9 +305,6 @@ class PlantNode(ScenarioNode):
         self._retries += 1
         self.retransmitted += 1
         self.get_logger().warning(self._no_command())
-        if self.k > 0:
-            # A restarted controller continues from here.
-            self._out.applied.publish(self.k - 1, self._run.control)
         self._publish_state()
 
     def _no_command(self) -> str:
@@ -334,14 +325,14 @@ class PlantNode(ScenarioNode):
             self.destroy_timer(timer)
         self._timers_of_run = []
         if outcome is not None:
-            self._run.end(outcome, reason)
+            self.run.end(outcome, reason)
         values: dict[str, object] = {"wall_time_s": wall_time_s, "states": self.k + 1}
         if self._pace is not None:
             values["real_time"] = self._pace.as_dict()
-            self._run.end(*self._pace.ending(self.outcome, self._run.reason))
-        text = outcome_text(self.run_id, self.outcome.value, self._run.reason, **values)
+            self.run.end(*self._pace.ending(self.run.outcome, self.run.reason))
+        text = outcome_text(self.run_id, self.run.outcome.value, self.run.reason, **values)
         self._out.outcome.publish(String(data=text))
-        self.get_logger().info(f"{self.outcome.value}: {self._run.reason} ({wall_time_s:.2f} s)")
+        self.get_logger().info(f"{self.run.outcome.value}: {self.run.reason} ({wall_time_s:.2f} s)")
         if self.settings.progress:
             _print(json.loads(text))
 

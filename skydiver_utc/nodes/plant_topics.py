@@ -59,8 +59,7 @@ class StampedTopic:
 def state_topic(node: ScenarioNode, topic: Topic, plant: Plant) -> StampedTopic:
     """A topic with states of a plant, in the message that the plant has for them."""
     frame = "world" if plant.state_message == "odometry" else ""
-    of_plant = topic.of_type(topics.STATE_TYPES[plant.state_message])
-    return StampedTopic(node, of_plant, plant.state_names, frame, fill_state)
+    return StampedTopic(node, topic.of_plant(plant), plant.state_names, frame, fill_state)
 
 
 def _of_sensor(node: ScenarioNode, sensor: SensorOfPlant) -> StampedTopic:

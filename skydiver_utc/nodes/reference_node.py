@@ -42,7 +42,7 @@ class ReferenceNode(ScenarioNode):
         self._scenario_received = False
         if self.settings.mode == "vehicle":
             self.grid = StepGrid(0, self.scenario.dt_ns, exact=False)
-            state = topics.STATE.of_type(topics.STATE_TYPES[build_plant(self.scenario).state_message])
+            state = topics.STATE.of_plant(build_plant(self.scenario))
             self.subscribe(state, self.on_state, topics.NEWEST)
         else:
             self._clocks = self.subscribe(topics.CLOCK, self.on_clock)

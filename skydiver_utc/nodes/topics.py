@@ -2,7 +2,7 @@
 """Every topic in one table: name, type, quality of service, who must be subscribed."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
@@ -14,6 +14,9 @@ from sensor_msgs.msg import FluidPressure, Imu, JointState, MagneticField
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
+
+if TYPE_CHECKING:  # the recorder starts without numba
+    from skydiver_utc.plants.protocol import Plant
 
 try:
     from tf2_msgs.msg import TFMessage
@@ -65,6 +68,10 @@ class Topic:
     def of_type(self, message_type: Any) -> "Topic":
         """The same topic with another type of message."""
         return replace(self, type=message_type)
+
+    def of_plant(self, plant: "Plant") -> "Topic":
+        """The same topic with the message in which this plant has its state."""
+        return self.of_type(STATE_TYPES[plant.state_message])
 
     @property
     def type_name(self) -> str:

@@ -91,7 +91,7 @@ def test_a_state_without_an_answer_is_retransmitted_with_what_was_applied(ros: R
 def test_it_gives_up_after_the_last_retry(ros: Ros, tmp_path: Path) -> None:
     stage = Stage(ros, tmp_path, command_timeout_s=0.1, command_retries=2)
     ros.spin_until(lambda: stage.plant.done and stage.outcomes)
-    assert stage.plant.outcome is Outcome.NO_COMMAND
+    assert stage.plant.run.outcome is Outcome.NO_COMMAND
     assert stage.plant.retransmitted == 2
     assert stage.plant.health().level is Level.ERROR
     assert stage.plant.close() == 1
@@ -101,7 +101,7 @@ def test_it_gives_up_after_the_last_retry(ros: Ros, tmp_path: Path) -> None:
 def test_without_a_controller_it_ends_at_the_startup_timeout(ros: Ros, tmp_path: Path) -> None:
     plant = ros.node("plant", {"scenario": cart_file(tmp_path), "startup_timeout_s": 0.2})
     ros.spin_until(lambda: plant.done)
-    assert (plant.outcome, plant.k, plant.close()) == (Outcome.NO_COMMAND, -1, 1)
+    assert (plant.run.outcome, plant.k, plant.close()) == (Outcome.NO_COMMAND, -1, 1)
 
 
 def test_it_begins_only_when_the_node_that_commands_is_subscribed_to_the_state(
@@ -180,4 +180,4 @@ def test_a_mishap_is_the_outcome_of_a_run_that_goes_on(ros: Ros, tmp_path: Path)
 
     partner.receive(JOINT_STATE, answer)
     ros.spin_until(lambda: plant.done)
-    assert (plant.outcome, plant.k, plant.close()) == (Outcome.ROLLED_OVER, 2, 0)
+    assert (plant.run.outcome, plant.k, plant.close()) == (Outcome.ROLLED_OVER, 2, 0)

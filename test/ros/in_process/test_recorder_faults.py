@@ -46,7 +46,7 @@ def test_a_disk_that_runs_full_does_not_stop_the_run(
     recorder = ros.node("recorder", given | {"out": str(folder)})
     *_, plant = ros.start(given | {"wait_for_recorder": True}, "reference", "controller", "plant")
     ros.spin_until(lambda: plant.finished and recorder.finished)
-    assert plant.outcome is Outcome.COMPLETED
+    assert plant.run.outcome is Outcome.COMPLETED
     assert recorder.close() == 1
     assert "No space left on device" in recorder.failure
     assert len(log.lines("No space left on device", "continues")) == 1

@@ -122,5 +122,5 @@ def test_a_plant_that_leaves_its_model_ends_the_run(ros: Ros, tmp_path: Path) ->
     ros.node("controller", {"scenario": path, "controller.gain": 90.0})
     _, plant = ros.start({"scenario": path}, "reference", "plant")
     ros.spin_until(lambda: plant.done)
-    assert plant.outcome is Outcome.DIVERGED
+    assert plant.run.outcome is Outcome.DIVERGED
     assert plant.close() == 1

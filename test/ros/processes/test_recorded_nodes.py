@@ -124,7 +124,7 @@ def test_a_run_continues_when_its_recorder_is_killed_and_another_one_records_the
     run.until_step(ready_at + 1000)
     assert run.plant.close() == 0
     bag = run.until_recorded()
-    assert bag.outcome()["outcome"] == run.plant.outcome.value == Outcome.ABORTED.value
+    assert bag.outcome()["outcome"] == run.plant.run.outcome.value == Outcome.ABORTED.value
     last = bag.outcome()["states"] - 1
     for topic in topics.RECORDED:
         if topic.needed and topic.fewer_than_states is not None:
