@@ -31,7 +31,6 @@ class AnsweringNode(ScenarioNode):
     out: StampedTopic
 
     def build(self) -> None:
-        """Before any step; a subclass goes on from here."""
         self.answered, self.rate, self.received_at = -1, Rate(), time.monotonic()
         self.pending: tuple[int, Any, Any] | None = None
         self.inputs: list[Subscription] = []
@@ -79,7 +78,6 @@ class AnsweringNode(ScenarioNode):
         self.inputs = []
 
     def newest_step(self) -> int:
-        """The step answered last."""
         return self.answered
 
     def receive(self, stamp: Any, given: Any) -> None:

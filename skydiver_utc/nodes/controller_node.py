@@ -55,7 +55,6 @@ class ControllerNode(AnsweringNode):
     LIVE = ("controller.",)
 
     def build(self) -> None:
-        """Build the controller, which compiles it."""
         super().build()
         self._vehicle = self.settings.mode == "vehicle"
         self._status = Status.SOLVED
@@ -77,7 +76,6 @@ class ControllerNode(AnsweringNode):
         self.add_on_set_parameters_callback(self._on_set_parameters)
 
     def begin_run(self) -> None:
-        """The controller at a run's beginning."""
         self._begin(None)
         if self._applieds is None:
             self._applieds = self.subscribe(topics.APPLIED_COMMAND, self.on_applied, self.newest)
@@ -106,7 +104,6 @@ class ControllerNode(AnsweringNode):
         self.answer()
 
     def health(self) -> Health:
-        """The newest answer, its rate, and what is missing."""
         values = {
             "answered_step": self.answered,
             "answer_rate_Hz": self.rate.read(self.answered),
@@ -119,7 +116,6 @@ class ControllerNode(AnsweringNode):
         return Health(Level.OK, "answering", values)
 
     def missing(self) -> str:
-        """The inputs that are missing for an answer."""
         waiting = self.pending is not None or self.answered < 0
         if waiting and self._previewed < self._needs:
             return (
@@ -177,12 +173,10 @@ class ControllerNode(AnsweringNode):
         return self._previewed >= self._needs and super().can_answer()
 
     def subscribe_to_inputs(self) -> list[Subscription]:
-        """Subscribe to the state, or the estimate."""
         topic = topics.ESTIMATE if self.scenario.has_estimator else topics.STATE
         return [self.subscribe(topic.of_plant(self.plant), self.on_state, self.newest)]
 
     def answer(self) -> None:
-        """Decide on the pending state, once its preview is complete."""
         if self.pending is None:
             return
         k, state, stamp = self.pending

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Health of a node: one diagnostic_msgs/DiagnosticStatus a second, with CPU and memory."""
+"""Health of a node, for its diagnostics."""
 
 import resource
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 
 Level = DiagnosticStatus  # its constants OK, WARN and ERROR
 
@@ -32,18 +32,6 @@ class Rate:
         rate = max(0.0, number - self._number) / max(now - self._read_at, 1e-9)
         self._read_at, self._number = now, number
         return f"{rate:.1f}"
-
-
-def diagnostic_message(name: str, health: Health) -> Any:
-    """The message of one node, by its name with namespace; the stamp is the caller's."""
-    status = DiagnosticStatus(
-        level=health.level,
-        name=name,
-        message=health.sentence,
-        hardware_id=name.rpartition("/")[0],
-        values=[KeyValue(key=key, value=str(value)) for key, value in health.values.items()],
-    )
-    return DiagnosticArray(status=[status])
 
 
 def memory_mb() -> float:

@@ -37,7 +37,6 @@ class EstimatorNode(AnsweringNode):
     MAIN = topics.ESTIMATE
 
     def build(self) -> None:
-        """Build the estimator, which compiles it."""
         if not self.scenario.has_estimator:
             raise NotNeededError(f"the scenario {self.scenario.name} has no estimator")
         super().build()
@@ -55,7 +54,6 @@ class EstimatorNode(AnsweringNode):
         self.subscribe(topics.COMMAND, self.on_command, self.newest)
 
     def begin_run(self) -> None:
-        """The estimator at a run's beginning."""
         self.is_first, self._due_at = True, -1
         self._commanded, self._command = -1, self.plant.initial_control()
         self._estimation.begin()
@@ -121,7 +119,6 @@ class EstimatorNode(AnsweringNode):
         return Health(level, missing or "estimating", values)
 
     def missing(self) -> str:
-        """The inputs that are missing for an estimate."""
         if self.pending is not None:
             return (
                 f"waiting for the measurements of step {self.pending[0]}, or the command of the step before"
@@ -130,7 +127,6 @@ class EstimatorNode(AnsweringNode):
         return f"waiting for subscribers of {', '.join(unmatched)}" if unmatched else self.silence()
 
     def answer(self) -> None:
-        """Publish the pending estimate, once its inputs are complete."""
         if self.pending is None:
             return
         k, state, _ = self.pending

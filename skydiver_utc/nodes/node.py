@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from typing import Any, ClassVar
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.context import Context
 from rclpy.duration import Duration
@@ -18,7 +19,7 @@ from rclpy.subscription import Subscription
 
 from skydiver_utc.messages import MessageError, Refusals, StepGrid
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.diagnostics import Health, Level, Rate, diagnostic_message, memory_mb
+from skydiver_utc.nodes.diagnostics import Health, Level, Rate, memory_mb
 from skydiver_utc.nodes.lifecycle import ACTIVE, UNCONFIGURED, ManagedNode, destroyed_on_error
 from skydiver_utc.nodes.topics import NAMESPACE, Topic
 from skydiver_utc.parameters.nodes import resolve, scalars
@@ -134,7 +135,14 @@ class ScenarioNode(ManagedNode):
             "cpu_percent": self._cpu_percent.read(100.0 * time.process_time()),
             "memory_MB": f"{memory_mb():.1f}",
         }
-        message = diagnostic_message(self._full_name, health._replace(values=values))
+        status = DiagnosticStatus(
+            level=health.level,
+            name=self._full_name,
+            message=health.sentence,
+            hardware_id=self.get_namespace().strip("/"),
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
         self.grid.set_stamp(message.header.stamp, max(0, k))
         self._diagnostics.publish(message)
 

@@ -43,7 +43,6 @@ class PlantNode(ScenarioNode):
     MAIN = topics.STATE
 
     def build(self) -> None:
-        """Build the plant, which compiles it."""
         self.run_id = ""
         self.retransmitted = self._retries = 0
         self._rate = Rate()
@@ -111,7 +110,6 @@ class PlantNode(ScenarioNode):
         return self.run.k
 
     def newest_step(self) -> int:
-        """The step whose state was published last."""
         return self.k
 
     def on_recorder_ready(self, _: Any) -> None:
@@ -157,7 +155,6 @@ class PlantNode(ScenarioNode):
             self._command_of_pause = command
 
     def health(self) -> Health:
-        """Step, rate, and whether commands arrive."""
         commanders = self._commands.get_publisher_count()
         plants = self.count_publishers(self._out.state.topic_name)
         values: dict[str, object] = {

@@ -50,7 +50,6 @@ class RecorderNode(ScenarioNode):
     KIND = topics.RECORDER
 
     def build(self) -> None:
-        """Without a bag until it is configured."""
         self.folder = Path()
         self.failure = ""
         self._bag: BagWriter | None = None
@@ -99,7 +98,6 @@ class RecorderNode(ScenarioNode):
             self._close_bag()
 
     def shutdown(self) -> None:
-        """The same."""
         self.cleanup()
 
     def newest_step(self) -> int:
@@ -108,7 +106,6 @@ class RecorderNode(ScenarioNode):
         return -1 if newest_ns is None else (newest_ns - self.grid.epoch_ns) // self.grid.dt_ns
 
     def health(self) -> Health:
-        """The folder, and the number of messages recorded."""
         values = {"folder": self.folder, "recorded": self._count()}
         return Health(Level.ERROR if self.failure else Level.OK, self.failure or "recording", values)
 

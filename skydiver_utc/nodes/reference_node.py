@@ -29,7 +29,6 @@ class ReferenceNode(ScenarioNode):
     MAIN = topics.REFERENCE_PREVIEW
 
     def build(self) -> None:
-        """Build the reference."""
         self._reference = build_reference(self.scenario)
         self._chunk_steps: int = self.settings.chunk_steps
         self._count = preview_steps(self.scenario) + 2 * self._chunk_steps + 1
@@ -81,11 +80,9 @@ class ReferenceNode(ScenarioNode):
             self._publish_chunk(self._k + 1)
 
     def newest_step(self) -> int:
-        """The step of the clock received last."""
         return self._k
 
     def health(self) -> Health:
-        """The step of the clock, and whether it advances."""
         values = {"step": self._k, "chunk": self._chunk}
         silent_s = time.monotonic() - self._received_at
         if self._k < 0:
