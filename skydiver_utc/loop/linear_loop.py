@@ -20,18 +20,20 @@ _SHRUNK, _FEWEST_STEPS, _MOST_STEPS = 1e-8, 20, 20_000
 def fly_linear(
     plant: LinearModel,
     horizon_steps: int,
-    Pu: Array,
     Qu: Array,
     P_err: Array,
+    found: Stability,
     start: Array,
     steps: int,
     added: Callable[[Array], Array] | None = None,
 ) -> Array:
-    """z = (x, u_before) of a regulated run, (steps+1, n+m), from start (n+m,), no bounds.
+    """z = (x, u_before) of a regulated run, (steps+1, n+m), from start (n+m,), no bounds, with the steady gain.
 
-    `added` is the nonlinearity f(x) of x+ = A x + B u + f(x); the controller's model does not have it.
+    `added` is the nonlinearity f(x) of x+ = A x + B u + f(x); the controller's model does not have it. The distance
+    from rest of a row z is the length of `z @ found.across`.
     """
     n, m = plant.B.shape
+    Pu = found.gain.covariance + found.gain.growth
     settings = UtcSettings(
         horizon_steps=horizon_steps,
         P_err=P_err.tolist(),
@@ -84,23 +86,6 @@ def _names(letter: str, count: int) -> tuple[str, ...]:
     return tuple(f"{letter}{i}" for i in range(count))
 
 
-def simulated_distance(
-    plant: LinearModel,
-    horizon_steps: int,
-    Qu: Array,
-    P_err: Array,
-    found: Stability,
-    start: Array,
-    steps: int,
-    added: Callable[[Array], Array] | None = None,
-) -> Array:
-    """Distance from rest (steps+1,) of a run of `fly_linear` whose gain is steady from the first step."""
-    Pu = found.gain.covariance + found.gain.growth
-    run = fly_linear(plant, horizon_steps, Pu, Qu, P_err, start, steps, added)
-    distances: Array = np.linalg.norm(run @ found.across, axis=1)
-    return distances
-
-
 def measured_decay(
     plant: LinearModel, horizon_steps: int, Qu: Array, P_err: Array, found: Stability
 ) -> float:
@@ -111,7 +96,8 @@ def measured_decay(
     """
     wanted = np.log(_SHRUNK) / np.log(found.decay)
     steps = int(np.clip(wanted, _FEWEST_STEPS, _MOST_STEPS))
-    distances = simulated_distance(plant, horizon_steps, Qu, P_err, found, found.slowest, steps)
+    run = fly_linear(plant, horizon_steps, Qu, P_err, found, found.slowest, steps)
+    distances = np.linalg.norm(run @ found.across, axis=1)
     alive = distances > 0.0
     slope: float = np.polyfit(np.flatnonzero(alive), np.log(distances[alive]), 1)[0]
     return float(np.exp(slope))

@@ -9,7 +9,7 @@ from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
 from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
 from skydiver_utc.loop.build import build_reference
-from skydiver_utc.loop.linear_loop import measured_decay, simulated_distance
+from skydiver_utc.loop.linear_loop import fly_linear, measured_decay
 from skydiver_utc.parameters import ParameterError, Scenario
 from skydiver_utc.parameters.linear_plant import load_linear_plant
 from skydiver_utc.parameters.skydiver import CONTROLS
@@ -167,7 +167,7 @@ def _of_ball(tuned: Tuned, found: Stability) -> dict[str, float] | None:
         size = float(np.linalg.norm(x))
         return tuned.nonlinearity * (x / size if size > 0.0 else np.eye(n)[0])
 
-    distances = simulated_distance(
+    run = fly_linear(
         tuned.plant, tuned.horizon_steps, tuned.Qu, tuned.P_err, found, np.zeros(len(found.Z)), _PUSHED_STEPS,
         outwards,
     )  # fmt: skip
@@ -175,5 +175,5 @@ def _of_ball(tuned: Tuned, found: Stability) -> dict[str, float] | None:
         "radius": found.ball.radius,
         "kept": found.ball.kept,
         "from_rest": found.ball.summed,
-        "measured": float(distances.max()),
+        "measured": float(np.linalg.norm(run @ found.across, axis=1).max()),
     }

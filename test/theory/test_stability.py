@@ -44,7 +44,7 @@ def test_eigenvalues_predict_a_flight_on_a_random_plant(seed):
     Qu, P_err = 0.1 * np.eye(3), 0.1 * np.eye(2)
     found = analyse(plant, 2, Qu, P_err, 0.0)
     start = rng.normal(size=7)
-    run = linear_loop.fly_linear(plant, 2, found.gain.covariance + found.gain.growth, Qu, P_err, start, 30)
+    run = linear_loop.fly_linear(plant, 2, Qu, P_err, found, start, 30)
     expected = np.array([np.linalg.matrix_power(found.Z, k) @ start for k in range(31)])
     np.testing.assert_allclose(run, expected, atol=1e-8 * np.abs(expected).max())
 
