@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plant node in lockstep: which commands it steps on, retransmission, and its ends."""
+"""The plant node in lockstep and by the clock: the commands it steps on, retransmission, and its ends."""
 
 import json
+import time
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,10 @@ pytest_plugins = ("ros_fixtures",)
 class Stage:
     """A cart that runs, and a partner that commands it."""
 
-    def __init__(self, ros: Ros, folder: Path, **settings: object) -> None:
+    def __init__(self, ros: Ros, folder: Path, text: str = CART, **settings: object) -> None:
         self.ros = ros
-        given = {"scenario": cart_file(folder), **settings}
-        self.plant = ros.node("plant", given)
+        self.given = {"scenario": cart_file(folder, text), **settings}
+        self.plant = ros.node("plant", self.given)
         self.partner: Partner = ros.partner("own_controller")
         self.commands = self.partner.publisher(topics.COMMAND)
         self.states = self.partner.receive(JOINT_STATE)
@@ -41,6 +42,20 @@ class Stage:
 
     def send(self, k: int, **fields: Any) -> None:
         self.commands.publish(self.command(k, **fields))
+
+    def answer(self, last: int = 10_000, **fields: Any) -> None:
+        """Answer each state at once, up to this step."""
+
+        def answered(state: Any) -> None:
+            k = self.plant.grid.step_of(state.header.stamp)
+            if k <= last:
+                self.send(k, **fields)
+
+        self.partner.receive(JOINT_STATE, answered)
+
+    def outcome(self) -> dict[str, Any]:
+        self.ros.spin_until(lambda: self.outcomes)
+        return read_outcome(self.outcomes[0].data)
 
 
 @pytest.fixture
@@ -88,14 +103,14 @@ def test_a_state_without_an_answer_is_retransmitted_with_what_was_applied(ros: R
     ros.spin_until(lambda: stage.plant.k == k + 1)
 
 
-def test_it_gives_up_after_the_last_retry(ros: Ros, tmp_path: Path) -> None:
-    stage = Stage(ros, tmp_path, command_timeout_s=0.1, command_retries=2)
-    ros.spin_until(lambda: stage.plant.done and stage.outcomes)
-    assert stage.plant.run.outcome is Outcome.NO_COMMAND
+@pytest.mark.parametrize("mode", ["lockstep", "real_time"])
+def test_it_gives_up_after_the_last_retry_for_the_first_command(ros: Ros, tmp_path: Path, mode: str) -> None:
+    stage = Stage(ros, tmp_path, mode=mode, command_timeout_s=0.1, command_retries=2)
+    found = stage.outcome()
+    assert (found["outcome"], found["states"]) == ("no_command", 1)
     assert stage.plant.retransmitted == 2
     assert stage.plant.health().level is Level.ERROR
     assert stage.plant.close() == 1
-    assert read_outcome(stage.outcomes[0].data)["states"] == 1
 
 
 def test_without_a_controller_it_ends_at_the_startup_timeout(ros: Ros, tmp_path: Path) -> None:
@@ -133,8 +148,7 @@ def test_a_run_that_is_stopped_is_aborted(stage: Stage, begun: bool) -> None:
     if begun:
         stage.begin()
     assert stage.plant.close() == 0
-    stage.ros.spin_until(lambda: stage.outcomes)
-    found = read_outcome(stage.outcomes[0].data)
+    found = stage.outcome()
     assert (found["outcome"], found["states"]) == ("aborted", int(begun))
 
 
@@ -152,10 +166,8 @@ def test_progress_is_printed_as_json_lines_where_asked_for(
     ros: Ros, tmp_path: Path, capfd: pytest.CaptureFixture[str], progress: bool
 ) -> None:
     stage = Stage(ros, tmp_path, progress=progress)
-    stage.begin()
-    for k in range(50):
-        stage.send(k)
-        ros.spin_until(lambda k=k: stage.plant.k == k + 1)
+    stage.answer()
+    stage.outcome()
     lines = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
     assert [line["outcome"] for line in lines if "outcome" in line] == (["completed"] if progress else [])
     assert bool(lines) is progress
@@ -168,16 +180,59 @@ def test_two_publishers_of_command_are_an_error(stage: Stage) -> None:
 
 
 def test_a_mishap_is_the_outcome_of_a_run_that_goes_on(ros: Ros, tmp_path: Path) -> None:
-    text = CART.replace("own_slots:Cart", "own_slots:CartWithMishap")
-    plant = ros.node("plant", {"scenario": cart_file(tmp_path, text), "duration_s": 0.02})
-    partner = ros.partner("own_controller")
-    commands = partner.publisher(topics.COMMAND)
+    stage = Stage(ros, tmp_path, CART.replace("own_slots:Cart", "own_slots:CartWithMishap"), duration_s=0.02)
+    stage.answer()
+    found = stage.outcome()
+    assert (found["outcome"], found["states"], stage.plant.close()) == ("rolled_over", 3, 0)
 
-    def answer(message: Any) -> None:
-        command = topics.COMMAND.type(name=["force", "brake"], position=[0.0, 0.0])
-        command.header.stamp = message.header.stamp
-        commands.publish(command)
 
-    partner.receive(JOINT_STATE, answer)
-    ros.spin_until(lambda: plant.done)
-    assert (plant.run.outcome, plant.k, plant.close()) == (Outcome.ROLLED_OVER, 2, 0)
+def by_the_clock(ros: Ros, folder: Path, duration_s: float = 0.3, **settings: object) -> Stage:
+    return Stage(ros, folder, duration_s=duration_s, mode="real_time", **settings)
+
+
+def test_a_run_by_the_clock_lasts_its_time_and_every_step_is_accounted_for(ros: Ros, tmp_path: Path) -> None:
+    stage = by_the_clock(ros, tmp_path)
+    stage.answer()
+    found = stage.outcome()
+    account = found["real_time"]
+    assert found["outcome"] == "completed"
+    assert found["wall_time_s"] >= 0.29
+    assert account["steps"] == 30
+    assert account["on_time"] + account["late"] + account["stale"] + account["lost"] == 30
+    assert stage.plant.close() == 0
+
+
+def test_when_the_commands_stop_it_goes_to_neutral_and_the_outcome_is_no_command(
+    ros: Ros, tmp_path: Path
+) -> None:
+    stage = by_the_clock(ros, tmp_path, neutral_after_s=0.05, neutral_time_s=0.1)
+    stage.answer(4, position=(2.0, 0.5))
+    found = stage.outcome()
+    ros.spin_until(lambda: len(stage.applied) == 30)
+    assert (found["outcome"], found["states"]) == ("no_command", 31)
+    assert found["real_time"]["neutral_steps"] > 10
+    assert list(stage.applied[2].position) == [2.0, 0.5]
+    assert list(stage.applied[-1].position) == [0.0, 0.0]
+    assert stage.plant.close() == 1
+
+
+def test_a_run_by_the_clock_does_not_pause(ros: Ros, tmp_path: Path) -> None:
+    stage = by_the_clock(ros, tmp_path, 5.0)
+    stage.answer()
+    ros.spin_until(lambda: stage.plant.k > 3)
+    stage.plant.trigger_deactivate()
+    assert stage.plant.lifecycle == "active"
+
+
+def test_the_controller_answers_the_newest_state_and_counts_the_others(ros: Ros, tmp_path: Path) -> None:
+    given = {"scenario": cart_file(tmp_path), "duration_s": 2.0, "mode": "real_time"}
+    plant, *_ = ros.start(given, "plant", "reference", "controller")
+    outcomes = ros.partner().receive(topics.OUTCOME)
+    ros.spin_until(lambda: plant.k > 10)
+    # The executor of all nodes stands still, as a busy controller does: the plant catches up at once.
+    time.sleep(0.2)
+    ros.spin_until(lambda: outcomes)
+    found = read_outcome(outcomes[0].data)
+    assert found["real_time"]["longest_silence_steps"] >= 10
+    assert found["real_time"]["late"] + found["real_time"]["lost"] >= 10
+    assert found["outcome"] == "completed"
