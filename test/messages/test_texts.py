@@ -7,7 +7,6 @@ import pytest
 
 from skydiver_utc.messages import (
     MessageError,
-    change_text,
     outcome_text,
     read_outcome,
     run_id_of,
@@ -45,10 +44,3 @@ def test_a_text_that_is_no_outcome_is_refused(text: str) -> None:
     with pytest.raises(MessageError) as refused:
         read_outcome(text)
     assert refused.value.kind == "outcome"
-
-
-def test_a_change_has_its_node_step_values_and_control() -> None:
-    found = json.loads(change_text("controller", 7, {"controller.horizon_steps": 5}, [1.0, 2.0]))
-    assert found == {
-        "node": "controller", "step": 7, "parameters": {"controller.horizon_steps": 5}, "control": [1.0, 2.0],
-    }  # fmt: skip

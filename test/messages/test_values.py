@@ -99,12 +99,6 @@ def test_the_state_of_a_body_is_none_of_a_plant_with_other_states() -> None:
     assert refused.value.kind == "size"
 
 
-def test_the_frames_are_those_that_are_asked_for() -> None:
-    message = fill_state(odometry("map", "base_link"), STATE)
-    assert read_state(message, (), ("map", "base_link")).tobytes() == STATE.tobytes()
-    assert read_state(message).tobytes() == STATE.tobytes()
-
-
 def test_a_twist_holds_each_value_in_its_component() -> None:
     values = np.arange(1.0, 7.0)
     message = fill_fields(twist(), values, TWIST_COMPONENTS)

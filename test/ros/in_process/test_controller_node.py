@@ -138,13 +138,6 @@ def test_an_older_state_is_refused_and_a_new_step_0_begins_a_new_run(stage: Stag
     assert stage.commands[3] == stage.commands[0]
 
 
-def test_the_last_state_needs_no_answer(stage: Stage) -> None:
-    stage.ready().send(49, 50)
-    stage.answers(1)
-    stage.ros.spin_for(0.2)
-    assert stage.answers(1) == [49]
-
-
 def test_states_that_cannot_be_used_are_counted_and_the_next_one_answered(stage: Stage) -> None:
     stage.ready()
     bad = {
@@ -178,10 +171,14 @@ def test_a_controller_that_comes_into_a_run_begins_from_the_newest_applied_comma
     }  # fmt: skip
 
 
-def test_without_applied_commands_it_begins_from_the_initial_control(stage: Stage) -> None:
-    stage.ready().send(20)
-    assert stage.answers(1) == [20]
-    assert stage.control().tobytes() == stage.decided(20).tobytes()
+def test_without_applied_commands_it_begins_from_the_initial_control_and_the_last_state_needs_no_answer(
+    stage: Stage,
+) -> None:
+    stage.ready().send(49, 50)
+    stage.answers(1)
+    stage.ros.spin_for(0.2)
+    assert stage.answers(1) == [49]
+    assert stage.control().tobytes() == stage.decided(49).tobytes()
 
 
 def test_what_was_given_to_it_and_not_to_the_plant_is_recorded(ros: Ros, tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rclpy.parameter import Parameter
 from ros_fixtures import Ros, Spectator
 from runs import cart
 
@@ -123,18 +122,6 @@ def test_a_flight_on_sensors_equals_the_simulation(
     judged = [found[f"{name}_encoder"] for name in JUDGEMENT]
     assert judged == [wanted.mean, wanted.low, wanted.high, VERDICTS.index(wanted.verdict)]
     assert wanted.verdict in str(flight.estimator.health().values["nis_encoder"])
-
-
-def test_another_controller_in_flight_leaves_the_estimate_as_it_is(ros: Ros, tmp_path: Path) -> None:
-    flight = Flight(ros, tmp_path, estimator=FILTER)
-    ros.spin_until(lambda: flight.plant.k > 30)
-    (changed,) = flight.controller.set_parameters([Parameter("controller.horizon_steps", value=2)])
-    assert changed.successful
-    flight.until_the_end()
-    (change,) = flight.received(topics.CHANGES)
-    assert json.loads(change.data)["node"] == "controller"
-    assert flight.commands().tobytes() != simulate(flight.scenario).commands.tobytes()
-    assert flight.estimates().tobytes() == flight.computed(0).tobytes()
 
 
 def test_an_estimator_that_comes_into_a_run_begins_there(ros: Ros, tmp_path: Path) -> None:

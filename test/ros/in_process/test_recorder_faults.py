@@ -10,7 +10,6 @@ from recorder_stage import NEEDED, Stage
 from ros_fixtures import Ros
 from std_msgs.msg import String
 
-from bags import metadata_of
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.nodes import topics
 from skydiver_utc.recording.reader import read_bag
@@ -104,16 +103,6 @@ def test_needed_topics_that_nobody_publishes_are_named(ros: Ros, tmp_path: Path,
 
     ros.spin_until(lambda: waits_for() == {topic.name for topic in missing})
     stage.all_there()
-
-
-def test_missing_messages_are_counted_at_the_end(ros: Ros, tmp_path: Path, log: Log) -> None:
-    stage = Stage(ros, tmp_path / "run").all_there()
-    stage.state(0)
-    stage.outcome(4)
-    ros.spin_until(lambda: stage.node.finished)
-    stage.recorded()
-    assert log.lines("1 of 4", "state")
-    assert metadata_of(tmp_path / "run")["message_count"] > 0
 
 
 def test_what_comes_while_a_recorder_is_inactive_is_recorded_after_that_or_at_its_end(

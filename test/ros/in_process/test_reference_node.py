@@ -95,17 +95,6 @@ def test_each_step_has_its_setpoint_and_a_preview_that_covers_what_a_decision_ta
         assert values.tobytes() == stage.wanted(k0, len(values)).tobytes()
 
 
-def test_a_sum_with_a_csv_file_beside_the_scenario(ros: Ros, tmp_path: Path) -> None:
-    (tmp_path / "table.csv").write_text("time_s,position\n0,1\n1,2\n", encoding="utf-8")
-    noise = "{kind: random, output: position, amplitude: 0.1, to_hz: 2}"
-    text = CART.replace(SINE, f"{{kind: combined, parts: [{{kind: csv, file: table.csv}}, {noise}]}}")
-    stage = Stage(ros, tmp_path, text)
-    stage.tick(20)
-    for k0, values in stage.chunks():
-        assert values.tobytes() == stage.wanted(k0, len(values)).tobytes()
-    assert stage.wanted(0, 1)[0, 0] == 1.0
-
-
 def test_the_chunk_is_that_of_the_clock_which_may_repeat_itself_or_begin_again(stage: Stage) -> None:
     stage.tick(33)  # it comes into a run
     assert stage.first_steps() == [0, 20]
@@ -113,13 +102,6 @@ def test_the_chunk_is_that_of_the_clock_which_may_repeat_itself_or_begin_again(s
     stage.ros.spin_until(lambda: stage.first_steps() == [0, 20, 20])
     stage.tick(0)
     stage.ros.spin_until(lambda: stage.first_steps() == [0, 20, 20, 0])
-
-
-def test_a_clock_off_the_grid_is_counted(stage: Stage) -> None:
-    message = topics.CLOCK.type()
-    message.clock.sec = 5
-    stage.clocks.publish(message)
-    stage.ros.spin_until(lambda: stage.node.refusals.counts["stamp"] == 1)
 
 
 def stick_message(value: float) -> Any:

@@ -71,18 +71,16 @@ def test_an_odometry_in_other_frames_is_taken_and_its_quaternion_normalised(ros:
 
 
 @pytest.mark.parametrize("command_message", ["float64_multi_array", "twist"])
-def test_the_command_comes_in_the_message_that_the_vehicle_takes(
+def test_the_command_comes_in_the_message_that_the_vehicle_takes_and_the_clock_where_asked_for(
     ros: Ros, tmp_path: Path, command_message: str
 ) -> None:
-    components = {"command_components": ["linear.x", "angular.z"]} if command_message == "twist" else {}
-    vehicle, _ = fly(ros, cart_file(tmp_path), JOINT_STATE, command_message=command_message, **components)
+    clocks = ros.partner("clock").receive(topics.CLOCK)
+    settings: dict[str, Any] = {"command_message": command_message, "publish_clock": True}
+    if command_message == "twist":
+        settings["command_components"] = ["linear.x", "angular.z"]
+    vehicle, _ = fly(ros, cart_file(tmp_path), JOINT_STATE, **settings)
+    ros.spin_until(lambda: clocks)
+    assert stamp_ns(clocks[0].clock) in {stamp_ns(message.header.stamp) for message in vehicle.sent}
     last = vehicle.commands[-1]
     brake = last.data[1] if command_message == "float64_multi_array" else last.angular.z
     assert brake == pytest.approx(0.25, abs=1e-3)
-
-
-def test_the_clock_is_published_where_asked_for(ros: Ros, tmp_path: Path) -> None:
-    clocks = ros.partner("clock").receive(topics.CLOCK)
-    vehicle, _ = fly(ros, cart_file(tmp_path), JOINT_STATE, publish_clock=True)
-    ros.spin_until(lambda: clocks)
-    assert stamp_ns(clocks[0].clock) in {stamp_ns(message.header.stamp) for message in vehicle.sent}
