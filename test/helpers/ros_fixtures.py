@@ -20,7 +20,7 @@ from typing import Any
 
 import pytest
 import rclpy
-from child_processes import PATIENCE_S
+from child_processes import PATIENCE_S, wait_until
 from node_child import fork_node
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
@@ -214,13 +214,9 @@ class Processes:
         kind: str,
         parameters: Mapping[str, object],
         *arguments: str,
-        namespace: str = "",
-        ros_arguments: Sequence[str] = (),
     ) -> "NodeProcess":
-        """Start ``<kind>_node`` with these parameters, in its own namespace unless one is given."""
-        command = [*arguments, "--ros-args", *ros_arguments]
-        if namespace:
-            command += ["-r", f"__ns:={namespace}"]
+        """Start ``<kind>_node`` with these parameters and further arguments for ROS."""
+        command = ["--ros-args", *arguments]
         for name, value in parameters.items():
             text = str(value).lower() if isinstance(value, bool) else value
             command += ["-p", f"{name}:={text}"]
@@ -285,20 +281,9 @@ class NodeProcess:
             os.kill(self._process.pid or 0, number)
 
     def wait(self) -> int:
-        """The exit code; what was printed is shown when it does not come."""
-        deadline = time.monotonic() + PATIENCE_S
-        while (code := self.exit_code) is None:
-            assert time.monotonic() < deadline, f"the process did not end; it printed:\n{self.output}"
-            time.sleep(0.02)
-        return code
-
-    def wait_for_output(self, text: str) -> None:
-        """Wait until this text has been printed."""
-        deadline = time.monotonic() + PATIENCE_S
-        while text not in self.output:
-            assert not self.ended, f"ended with {self.exit_code}, it printed:\n{self.output}"
-            assert time.monotonic() < deadline, f"{text!r} was not printed:\n{self.output}"
-            time.sleep(0.02)
+        """The exit code, once it has ended."""
+        wait_until(lambda: self.ended)
+        return self.exit_code or 0
 
     def end(self, arguments: Sequence[str]) -> None:
         """Kill the process; what it printed stands in the report of a test that failed."""

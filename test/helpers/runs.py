@@ -10,11 +10,9 @@ from skydiver_utc.loop.build import build_plant, build_reference
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
 from skydiver_utc.parameters import Scenario, from_yaml, load_scenario
-from skydiver_utc.plants.protocol import Plant
 from skydiver_utc.plants.skydiver.skydiver import SkydiverPlant
 
 EPOCH_S = 1_700_000_000
-_PLANTS: dict[str, Plant] = {}
 LIMITS = {"Cm_damp_yaw": [0.0, 4.0], "k_right": [-1.0, 1.0], "k_left": [-1.0, 1.0], "alpha": [-1.0, 1.0]}
 CART_PLANT = """\
 plant:
@@ -79,14 +77,6 @@ def rotation() -> dict[str, Any]:
     }
 
 
-def plant_of(scenario: Scenario) -> Plant:
-    """The scenario's plant, built once."""
-    key = f"{scenario.dt_s} {scenario.plant.model_dump_json()}"
-    if key not in _PLANTS:
-        _PLANTS[key] = build_plant(scenario)
-    return _PLANTS[key]
-
-
 def run_of(
     yaw_rate_deg_s: Any = 100.0,
     reference_deg_s: Any = 100.0,
@@ -97,7 +87,7 @@ def run_of(
     """A level run with the given yaw rate and reference (numbers or K + 1 values); of another plant, all zeros."""
     scenario = scenario or skydiver()
     steps = scenario.steps if steps is None else steps
-    plant, reference = plant_of(scenario), build_reference(scenario)
+    plant, reference = build_plant(scenario), build_reference(scenario)
     states = np.zeros((steps + 1, len(plant.state_names)))
     wanted = np.zeros((steps + 1, len(reference.outputs)))
     if isinstance(plant, SkydiverPlant):

@@ -4,6 +4,7 @@
 import time
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -165,31 +166,21 @@ def test_a_command_of_a_pause_is_used_after_it_and_a_run_that_is_ended_is_aborte
     assert read_outcome(stage.outcomes[0].data)["outcome"] == Outcome.ABORTED.value
 
 
-def test_an_error_of_the_program_finalizes_the_node(
-    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("transition", "number", "error"),
+    [
+        ("configure", CONFIGURE, ArithmeticError("not foreseen")),
+        ("shutdown", SHUTDOWN_ACTIVE, RefusedError("not now")),
+    ],
+)
+def test_an_error_of_the_program_or_a_refused_shutdown_ends_the_node(
+    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, transition: str, number: int, error: Exception
 ) -> None:
-    node = Stage(ros, tmp_path).add("reference", autostart=False)
-
-    def fail() -> None:
-        raise ArithmeticError("not foreseen")
-
-    monkeypatch.setattr(node, "configure", fail)
+    node = Stage(ros, tmp_path).add("reference", autostart=number == SHUTDOWN_ACTIVE)
+    monkeypatch.setattr(node, transition, Mock(side_effect=error))
     manager = Manager(ros, "reference")
-    assert not manager.transition(CONFIGURE)
+    assert not manager.transition(number)
     assert manager.state() == "finalized"
-    assert node.finished
-
-
-def test_a_node_that_refuses_to_shut_down_is_not_active(
-    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    node = Stage(ros, tmp_path).add("reference")
-
-    def refuse() -> None:
-        raise RefusedError("not now")
-
-    monkeypatch.setattr(node, "shutdown", refuse)
-    assert not Manager(ros, "reference").transition(SHUTDOWN_ACTIVE)
     assert node.finished
     assert not node.active
 

@@ -70,8 +70,8 @@ def test_a_real_vehicle_follows_the_reference(ros: Ros, processes: Processes) ->
     )
     vehicle = processes.python("script", str(EXAMPLES / "real_vehicle/vehicle.py"))
     arguments = ("--params-file", str(EXAMPLES / "real_vehicle" / "nodes.yaml"), "-r", "state:=/odom")
-    controller = processes.start("controller", {}, ros_arguments=(*arguments, "-r", "command:=/cmd_vel"))
-    processes.start("reference", {}, ros_arguments=arguments)
+    controller = processes.start("controller", {}, *arguments, "-r", "command:=/cmd_vel")
+    processes.start("reference", {}, *arguments)
     ros.spin_until(lambda: max(rates, default=0.0) > 1.0)
     assert partner.count_publishers("/clock") == 0
     controller.signal(signal.SIGTERM)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import own_slots
 import pytest
+from child_processes import wait_until
 from own_slots import cart_file
 from ros_fixtures import JOINT_STATE, Processes, Ros, Spectator, overrides
 
@@ -132,6 +133,6 @@ def assert_flown(by_step: dict[int, Any], flown: Any) -> None:
 
 
 def test_a_node_that_waits_names_the_namespaces_in_which_others_are(processes: Processes) -> None:
-    processes.start("reference", overrides(), namespace="/elsewhere")
+    processes.start("reference", overrides(), "-r", "__ns:=/elsewhere")
     controller = processes.start("controller", overrides())
-    controller.wait_for_output("/elsewhere")
+    wait_until(lambda: "/elsewhere" in controller.output)
