@@ -103,14 +103,12 @@ def test_each_state_is_answered_with_its_stamp_and_telemetry(stage: Stage) -> No
     assert not stage.changes
 
 
-def test_it_subscribes_to_the_state_only_when_it_can_answer(stage: Stage) -> None:
+def test_it_subscribes_to_the_state_when_it_can_answer_and_a_state_waits_for_its_reference(
+    stage: Stage,
+) -> None:
     stage.send_preview(0, 3)  # one decision takes 4
     stage.ros.spin_for(0.2)
     assert stage.states.get_subscription_count() == 0
-    stage.ready()
-
-
-def test_a_state_waits_for_its_reference(stage: Stage) -> None:
     stage.send_preview(0, 10)
     stage.ros.spin_until(stage.states.get_subscription_count)
     stage.send(30)
@@ -119,26 +117,21 @@ def test_a_state_waits_for_its_reference(stage: Stage) -> None:
     assert stage.answers(1) == [30]
 
 
-def test_a_retransmitted_state_is_answered_again_without_deciding_again(stage: Stage) -> None:
-    stage.ready().send(0)
-    stage.answers(1)
-    stage.send(0)
-    assert stage.answers(2) == [0, 0]
-    assert stage.commands[0] == stage.commands[1]
+def test_a_repeated_state_gets_its_answer_again_an_older_one_none_and_step_0_begins_a_new_run(
+    stage: Stage,
+) -> None:
+    stage.ready().send(0, 1, 2, 2)
+    assert stage.answers(4) == [0, 1, 2, 2]
+    assert stage.commands[3] == stage.commands[2]
     assert stage.node.refusals.counts["repeated"] == 1
-
-
-def test_an_older_state_is_refused_and_a_new_step_0_begins_a_new_run(stage: Stage) -> None:
-    stage.ready().send(0, 1, 2)
-    stage.answers(3)
     stage.send(1)
     stage.ros.spin_until(lambda: stage.node.refusals.counts["older"] == 1)
     stage.send(0)
-    assert stage.answers(4) == [0, 1, 2, 0]
-    assert stage.commands[3] == stage.commands[0]
+    assert stage.answers(5)[-1] == 0
+    assert stage.commands[4] == stage.commands[0]
 
 
-def test_states_that_cannot_be_used_are_counted_and_the_next_one_answered(stage: Stage) -> None:
+def test_messages_that_cannot_be_used_are_counted_and_the_next_state_answered(stage: Stage) -> None:
     stage.ready()
     bad = {
         "names": ("name.0", "height"),
@@ -150,7 +143,13 @@ def test_states_that_cannot_be_used_are_counted_and_the_next_one_answered(stage:
         message = stage.state(0)
         put(message, place, value)
         stage.states.publish(message)
-    stage.ros.spin_until(lambda: stage.node.refusals.counts == dict.fromkeys(bad, 1))
+    scenarios = stage.partner.publisher(topics.SCENARIO)
+    stage.ros.spin_until(scenarios.get_subscription_count)
+    for text in ("", "plant: {", CART.replace("cart", "other").replace("own_slots:Cart", "nowhere:Cart")):
+        scenarios.publish(topics.SCENARIO.type(data=text))
+        stage.ros.spin_for(0.02)  # the newest one counts
+    counts = dict.fromkeys(bad, 1) | {"scenario": 3}
+    stage.ros.spin_until(lambda: stage.node.refusals.counts == counts)
     stage.send(0)
     assert stage.answers(1) == [0]
 
@@ -200,28 +199,23 @@ def set_parameter(stage: Stage, name: str, value: object) -> Any:
     return called.results[0]
 
 
-def test_a_setting_of_the_controller_changes_at_the_next_decision_and_is_recorded(stage: Stage) -> None:
+def test_a_setting_changes_from_the_beginning_or_at_the_next_decision_and_is_recorded(stage: Stage) -> None:
+    assert set_parameter(stage, "controller.gain", 4.0).successful
     stage.ready().send(0, 1)
     stage.answers(2)
     before = stage.control()
+    assert before.tobytes() == stage.decided(0, 1, gain=4.0).tobytes()
     assert set_parameter(stage, "controller.gain", 6.0).successful
     stage.send(2)
     stage.answers(3)
     assert stage.control().tobytes() == stage.decided(2, start=before, gain=6.0).tobytes()
-    stage.ros.spin_until(lambda: stage.changes)
-    assert json.loads(stage.changes[0].data) == {
+    stage.ros.spin_until(lambda: len(stage.changes) == 2)
+    first, second = (json.loads(message.data) for message in stage.changes)
+    assert (first["step"], first["control"]) == (0, None)
+    assert second == {
         "node": "controller", "step": 2, "parameters": {"controller.gain": 6.0}, "control": before.tolist(),
     }  # fmt: skip
     assert stage.node.get_parameter("controller.gain").value == 6.0
-
-
-def test_what_was_set_before_a_run_counts_from_its_beginning(stage: Stage) -> None:
-    assert set_parameter(stage, "controller.gain", 6.0).successful
-    stage.ready().send(0)
-    stage.answers(1)
-    assert stage.control().tobytes() == stage.decided(0, gain=6.0).tobytes()
-    stage.ros.spin_until(lambda: stage.changes)
-    assert json.loads(stage.changes[0].data)["control"] is None
 
 
 def test_what_cannot_be_set_is_refused_by_name_and_changes_nothing(stage: Stage) -> None:
@@ -247,10 +241,3 @@ def test_a_twist_needs_a_component_for_each_control(ros: Ros, tmp_path: Path) ->
     for components in ([], ["linear.x"], ["linear.x", "linear.w"]):
         with pytest.raises(ParameterError, match="command_components"):
             ros.node("controller", given | {"command_components": components})
-
-
-def test_a_scenario_that_cannot_be_read_is_counted(stage: Stage) -> None:
-    for text in ("", "plant: {", CART.replace("cart", "other").replace("own_slots:Cart", "nowhere:Cart")):
-        stage.partner.publisher(topics.SCENARIO).publish(topics.SCENARIO.type(data=text))
-        stage.ros.spin_for(0.02)
-    stage.ros.spin_until(lambda: stage.node.refusals.counts["scenario"])

@@ -63,7 +63,9 @@ def stage(ros: Ros, tmp_path: Path) -> Stage:
     return Stage(ros, tmp_path)
 
 
-def test_commands_that_cannot_be_used_are_counted_and_the_run_waits(stage: Stage) -> None:
+def test_commands_that_cannot_be_used_are_counted_the_run_waits_and_an_answer_counts_once(
+    stage: Stage,
+) -> None:
     stage.begin()
     for place, value in (
         ("header.stamp.nanosec", 1),
@@ -76,12 +78,6 @@ def test_commands_that_cannot_be_used_are_counted_and_the_run_waits(stage: Stage
         stage.commands.publish(message)
     stage.ros.spin_until(lambda: stage.plant.refusals.counts == {"stamp": 2, "size": 1, "finite": 1})
     assert stage.plant.k == 0
-    stage.send(0)
-    stage.ros.spin_until(lambda: stage.plant.k == 1)
-
-
-def test_an_answer_counts_once(stage: Stage) -> None:
-    stage.begin()
     stage.send(0)
     stage.ros.spin_until(lambda: stage.plant.k == 1)
     stage.send(0, position=(5.0, 1.0))
@@ -144,17 +140,12 @@ def test_it_waits_for_the_recorder_where_asked_to(ros: Ros, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("begun", [False, True])
-def test_a_run_that_is_stopped_is_aborted(stage: Stage, begun: bool) -> None:
+def test_a_run_that_is_stopped_is_aborted_as_a_late_subscriber_is_told(stage: Stage, begun: bool) -> None:
     if begun:
         stage.begin()
     assert stage.plant.close() == 0
     found = stage.outcome()
     assert (found["outcome"], found["states"]) == ("aborted", int(begun))
-
-
-def test_scenario_and_outcome_reach_a_late_subscriber(stage: Stage) -> None:
-    stage.begin()
-    stage.plant.close()
     late = stage.ros.partner("late")
     scenarios, outcomes = late.receive(topics.SCENARIO), late.receive(topics.OUTCOME)
     stage.ros.spin_until(lambda: scenarios and outcomes)
