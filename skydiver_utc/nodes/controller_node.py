@@ -194,12 +194,6 @@ class ControllerNode(AnsweringNode):
             self._begin(control)
         if self.is_first:
             self.begins_at(k)
-        self._decide(k, state, preview, stamp)
-        if self._applieds is not None:
-            self.destroy_subscription(self._applieds)
-            self._applieds = None
-
-    def _decide(self, k: int, state: Array, preview: Array, stamp: Any) -> None:
         decision = self._decider.decide(k, state, preview)
         self._command = np.array(decision.control, dtype=np.float64)
         self.out.answer(stamp, self._command)
@@ -208,6 +202,9 @@ class ControllerNode(AnsweringNode):
         self._telemetry.answer(stamp, np.append(decision.telemetry, values))
         if self._vehicle_clock is not None:
             self._vehicle_clock.publish(Clock(clock=stamp))
+        if self._applieds is not None:
+            self.destroy_subscription(self._applieds)
+            self._applieds = None
 
     def _waits_for_applied(self, k: int) -> bool:
         """True where this controller starts during a run and an applied command is published but not received yet."""

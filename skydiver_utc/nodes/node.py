@@ -81,10 +81,9 @@ class ScenarioNode(ManagedNode):
 
     def set_parameters_atomically(self, parameter_list: list[Any]) -> SetParametersResult:
         """Set all or none; called by rclpy for each request, whose own sentence names no unknown parameter."""
-        for parameter in parameter_list:
-            if not self.has_parameter(parameter.name):
-                reason = f"there is no parameter {parameter.name}"
-                return SetParametersResult(successful=False, reason=reason)
+        unknown = [each.name for each in parameter_list if not self.has_parameter(each.name)]
+        if unknown:
+            return SetParametersResult(successful=False, reason=f"there is no parameter {unknown[0]}")
         return super().set_parameters_atomically(parameter_list)
 
     def missing(self) -> str:
@@ -226,12 +225,10 @@ class ScenarioNode(ManagedNode):
 
     def _elsewhere(self) -> str:
         """The other namespaces in which there is a state, a reference or a command: the partner may be there."""
-        own, found = self.get_namespace().rstrip("/"), set[str]()
-        for name, types in self.get_topic_names_and_types():
-            namespace, _, relative = name.rpartition("/")
-            for topic in (topics.STATE, topics.REFERENCE_PREVIEW, topics.COMMAND):
-                if relative == topic.name and topic.type_name in types and namespace != own:
-                    found.add(namespace or "/")
+        own = self.get_namespace().rstrip("/")
+        partners = {topic.name for topic in (topics.STATE, topics.REFERENCE_PREVIEW, topics.COMMAND)}
+        split = [name.rpartition("/") for name, _ in self.get_topic_names_and_types()]
+        found = {place or "/" for place, _, relative in split if relative in partners and place != own}
         return f"; this is namespace {own or '/'}, others run in {', '.join(sorted(found))}" if found else ""
 
 

@@ -68,7 +68,12 @@ class PlantNode(ScenarioNode):
         self.run_id = uuid.uuid4().hex
         self.run.reset()
         self._command_of_pause: Any = None  # the step that it answers waits for the end of a pause
-        self._pace = self._create_pace() if self.settings.mode == "real_time" else None
+        self._pace = None
+        if self.settings.mode == "real_time":
+            s, dt_s = self.settings, self.scenario.dt_s
+            after, ramp = round(s.neutral_after_s / dt_s), round(s.neutral_time_s / dt_s)
+            account = CommandAccount(self.scenario.steps, self.run.plant.initial_control(), after, ramp)
+            self._pace = RealTimePace(account, self.scenario.dt_ns, self._step, self._now_ns)
         self._out.scenario.publish(String(data=scenario_text(to_yaml(self.scenario), self.run_id)))
         self.get_logger().info(
             f"{self.scenario.steps} steps of {self.scenario.dt_s * 1e3:g} ms,"
@@ -145,7 +150,9 @@ class PlantNode(ScenarioNode):
         if self._pace is not None:
             self._pace.account.receive(k, command)
             if not self._pace.begun and self.active:
-                self._begin_by_the_clock()
+                # Step 0 is now, the others are due by the steady clock. rclpy rounds the period down to nanoseconds.
+                self._tick()
+                self._timers_of_run.append(self.every((self.scenario.dt_ns + 0.5) * 1e-9, self._tick))
         elif k < self.k or self._command_of_pause is not None:
             # The answer to a state that was retransmitted: the first one was used.
             self.refusals.counts["repeated"] += 1
@@ -192,12 +199,6 @@ class PlantNode(ScenarioNode):
         wait_for_subscribers(self, self._advertised.values(), _LAST_ACKNOWLEDGEMENT_S)
         return super().close() or (0 if self.run.outcome in _EXIT_ZERO else FAILED)
 
-    def _create_pace(self) -> RealTimePace:
-        s, dt_s = self.settings, self.scenario.dt_s
-        after, ramp = round(s.neutral_after_s / dt_s), round(s.neutral_time_s / dt_s)
-        account = CommandAccount(self.scenario.steps, self.run.plant.initial_control(), after, ramp)
-        return RealTimePace(account, self.scenario.dt_ns, self._step, self._now_ns)
-
     def _now_ns(self) -> int:
         """The clock of the timers: two steady clocks of a machine drift apart."""
         return int(self._steady_clock.now().nanoseconds)
@@ -211,21 +212,17 @@ class PlantNode(ScenarioNode):
         if unmatched := self.unmatched():
             absent.append(f"no subscriber, or too few, of {', '.join(unmatched)}")
         if not absent and not self._partner_subscribes():
-            absent.append(f"no {self._partner} that is subscribed to {self._out.given.topic_name}")
+            partner = topics.ESTIMATOR if self.scenario.has_estimator else topics.CONTROLLER
+            absent.append(f"no {partner} that is subscribed to {self._out.given.topic_name}")
         return " and ".join(absent)
-
-    @property
-    def _partner(self) -> str:
-        """The node that takes this one's state or measurements."""
-        return topics.ESTIMATOR if self.scenario.has_estimator else topics.CONTROLLER
 
     def _partner_subscribes(self) -> bool:
         """True when a node that publishes estimates or commands is subscribed; other subscribers do not count."""
         answer = topics.ESTIMATE if self.scenario.has_estimator else topics.COMMAND
         partners = self.get_publishers_info_by_topic(self.resolve_topic_name(answer.name))
         subscribers = self.get_subscriptions_info_by_topic(self._out.given.topic_name)
-        names = {(node.node_namespace, node.node_name) for node in partners}
-        return any((node.node_namespace, node.node_name) in names for node in subscribers)
+        named = [{(node.node_namespace, node.node_name) for node in each} for each in (partners, subscribers)]
+        return not named[0].isdisjoint(named[1])
 
     def _all_are_there(self) -> bool:
         """True when the run can begin; without the others it ends at the time-out."""
@@ -243,12 +240,6 @@ class PlantNode(ScenarioNode):
         self._display.publish(self.k, self.run.state, self.run.applied)
         if not goes_on:
             self._finish()
-
-    def _begin_by_the_clock(self) -> None:
-        """Real time: step 0 is now, the others are due by the steady clock."""
-        self._tick()
-        # rclpy rounds the period down to nanoseconds.
-        self._timers_of_run.append(self.every((self.scenario.dt_ns + 0.5) * 1e-9, self._tick))
 
     def _tick(self) -> None:
         if self._pace is not None and self.active and not self.done:

@@ -34,7 +34,6 @@ _MOST_WAITING_MESSAGES = 10_000
 
 
 _OF_ANY_NODE = {topic.name for topic in (topics.DIAGNOSTICS, topics.LOGS, topics.PARAMETER_EVENTS)}
-_Received = list[tuple[RecorderInput, RawMessage]]
 
 
 class RecorderNode(ScenarioNode):
@@ -54,7 +53,7 @@ class RecorderNode(ScenarioNode):
         self.failure = ""
         self._bag: BagWriter | None = None
         self._inputs: list[RecorderInput] = []
-        self._waiting: _Received = []  # until the time of the run is known
+        self._waiting: list[tuple[RecorderInput, RawMessage]] = []  # until the time of the run is known
         self._run = self._new_run()
         self._ready = self.advertise(topics.RECORDER_READY)
         self._announced = True  # `recorder/ready`
@@ -111,8 +110,14 @@ class RecorderNode(ScenarioNode):
 
     def drain(self) -> int:
         """Record every message since the last call; returns how many are of a run, not of any node."""
-        received = self._take_all()
-        self._record(received)
+        # Taken in reverse, so that causes come with their effects; kept in the order of the table.
+        taken = [(each, list(each.take_all())) for each in reversed(self._inputs)]
+        received = [(each, message) for each, messages in reversed(taken) for message in messages]
+        self._waiting.extend(pair for pair in received if self._is_of_run(*pair))
+        if self._run.newest_ns is None:  # they wait for the time of the first clock or state
+            del self._waiting[:-_MOST_WAITING_MESSAGES]
+        else:
+            self._write_waiting()
         self.done = self._run.ended
         return sum(each.topic.name not in _OF_ANY_NODE for each, _ in received)
 
@@ -160,19 +165,6 @@ class RecorderNode(ScenarioNode):
             self.get_logger().info("ready")
         self._log_slow_disk(self._bag)
 
-    def _take_all(self) -> _Received:
-        """All waiting messages in the order of the table; taken in reverse: causes come with their effects."""
-        taken = [(each, list(each.take_all())) for each in reversed(self._inputs)]
-        return [(each, message) for each, messages in reversed(taken) for message in messages]
-
-    def _record(self, received: _Received) -> None:
-        """Write messages in the order of time; those before the first clock or state wait for its time."""
-        self._waiting.extend(pair for pair in received if self._is_of_run(*pair))
-        if self._run.newest_ns is None:
-            del self._waiting[:-_MOST_WAITING_MESSAGES]
-        else:
-            self._write_waiting()
-
     def _is_of_run(self, of: RecorderInput, message: RawMessage) -> bool:
         """False for an outcome from before this recording; other refused messages are recorded."""
         try:
@@ -183,6 +175,7 @@ class RecorderNode(ScenarioNode):
         return True
 
     def _write_waiting(self) -> None:
+        """Write the messages that wait, in the order of time."""
         dated = [
             (self._run.log_time(each.topic, message.cdr), each, message) for each, message in self._waiting
         ]

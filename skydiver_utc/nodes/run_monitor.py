@@ -2,7 +2,6 @@
 """The run of a recording: the log time of each message, the run's id, and its outcome."""
 
 from contextlib import suppress
-from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.serialization import deserialize_message
@@ -58,7 +57,8 @@ class RunMonitor:
 
         Diagnostics come from nodes of any clock.
         """
-        if topic.name != topics.DIAGNOSTICS.name and _has_stamp(topic.type):
+        stamped = topic.type is Clock or "header" in topic.type.get_fields_and_field_types()
+        if stamped and topic.name != topics.DIAGNOSTICS.name:
             try:
                 return self._stamp_ns(cdr)
             except MessageError as error:
@@ -97,10 +97,6 @@ class RunMonitor:
             )
         self.ended, self._states = True, outcome["states"]
         self.aborted = outcome["outcome"] == Outcome.ABORTED.value
-
-
-def _has_stamp(message_type: Any) -> bool:
-    return message_type is Clock or "header" in message_type.get_fields_and_field_types()
 
 
 def _text(message: RawMessage) -> str:
