@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message
+from ros_fixtures import Ros
 
 from bags import stored
 from skydiver_utc.analysis.recorded_run import read_run
 from skydiver_utc.loop.build import build_plant
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.messages import StepGrid, read_named, read_outcome, read_state
+from skydiver_utc.messages import StepGrid, read_named, read_outcome, read_state, run_id_of
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.topics import Topic
 from skydiver_utc.parameters import load_scenario
@@ -44,14 +45,29 @@ class Bag:
         """Recorded states (n, states)."""
         return np.array([read_state(message, self.plant.state_names) for message in self.of(topics.STATE)])
 
-    def controls(self, topic: Topic) -> NDArray[np.float64]:
-        """Recorded controls (n, m)."""
-        return np.array([read_named(message, self.plant.control_names) for message in self.of(topic)])
+    def named(self, topic: Topic, names: tuple[str, ...] = ()) -> NDArray[np.float64]:
+        """Recorded values (n, v) by name, of controls unless other names are given."""
+        return np.array(
+            [read_named(message, names or self.plant.control_names) for message in self.of(topic)]
+        )
 
     def outcome(self) -> dict[str, Any]:
         """The one outcome."""
         (message,) = self.of(topics.OUTCOME)
         return read_outcome(message.data)
+
+
+def fly(ros: Ros, folder: Path, given: dict[str, Any], *kinds: str) -> Bag:
+    """A recorded run of reference, controller, plant and other nodes: complete and equal to the simulation."""
+    recorder = ros.node("recorder", given | {"out": str(folder)})
+    nodes = ros.start(given | {"wait_for_recorder": True}, "reference", *kinds, "controller", "plant")
+    ros.spin_until(lambda: recorder.finished and not recorder.not_in_bag())
+    assert {node.close() for node in (*nodes, recorder)} == {0}
+    bag = Bag(folder)
+    assert_complete(bag)
+    assert_equals_simulation(bag)
+    assert bag.outcome()["run_id"] == nodes[-1].run_id == run_id_of(bag.of(topics.SCENARIO)[0].data)
+    return bag
 
 
 def assert_complete(bag: Bag) -> None:
@@ -70,6 +86,10 @@ def assert_equals_simulation(bag: Bag) -> None:
     states = bag.states()
     count = len(states)
     assert states.tobytes() == run.states[:count].tobytes()
-    assert bag.controls(topics.COMMAND).tobytes() == run.commands[: count - 1].tobytes()
-    assert bag.controls(topics.APPLIED_COMMAND).tobytes() == run.applied[: count - 1].tobytes()
+    assert bag.named(topics.COMMAND).tobytes() == run.commands[: count - 1].tobytes()
+    assert bag.named(topics.APPLIED_COMMAND).tobytes() == run.applied[: count - 1].tobytes()
+    assert bag.named(topics.SETPOINT, run.tracked_names).tobytes() == run.reference[:count].tobytes()
+    if run.disturbance_names:
+        acted = bag.named(topics.DISTURBANCE, run.disturbance_names)
+        assert acted.tobytes() == run.disturbance[:count].tobytes()
     assert read_run(bag.folder).telemetry.tobytes() == run.telemetry[: count - 1].tobytes()

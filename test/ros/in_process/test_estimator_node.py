@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ros_fixtures import Ros, Spectator
+from command_line import invoke
+from recorded import fly
+from ros_fixtures import Ros, Spectator, overrides
 from runs import cart
 
 from skydiver_utc.estimators.consistency import JUDGEMENT, VERDICTS, consistency
@@ -145,3 +147,33 @@ def test_an_estimator_of_ones_own_is_given_the_measured_state(ros: Ros, tmp_path
 def test_an_estimator_is_not_needed_where_the_scenario_has_none(ros: Ros) -> None:
     with pytest.raises(NotNeededError, match="fast_turn_unknown_dynamics"):
         ros.node("estimator", {"scenario": "fast_turn_unknown_dynamics"})
+
+
+@pytest.mark.long
+def test_a_skydiver_s_flight_on_sensors_equals_the_simulation_and_its_check(ros: Ros, tmp_path: Path) -> None:
+    """Measurements that come late or not at all included."""
+    folder = tmp_path / "run"
+    given = overrides(
+        0.5,
+        scenario="fast_turn_gyro_accelerometer",
+        estimator__sensors__gyroscope__delay_s=0.02,
+        estimator__sensors__gyroscope__loss=0.2,
+    )
+    bag = fly(ros, folder, given, "estimator")
+    rates = bag.of(topics.sensor_topic("gyroscope", "Imu"))
+    assert 0 < len(rates) < len(bag.of(topics.sensor_topic("accelerometer", "Imu"))) == 25
+    assert rates[0].linear_acceleration_covariance[0] == -1.0
+    assert np.isfinite([rates[0].angular_velocity.x, rates[0].angular_velocity.z]).all()
+    estimates, (*_, last) = bag.of(topics.ESTIMATE), bag.of(topics.ESTIMATOR_TELEMETRY)
+    judged = dict(zip(last.name, last.position, strict=True))
+    assert judged["nis_low_accelerometer"] < 3.0 < judged["nis_high_accelerometer"]
+    assert VERDICTS[int(judged["verdict_accelerometer"])] == "consistent"
+    np.testing.assert_allclose(
+        np.sqrt(estimates[-1].twist.covariance[35]), judged["deviation_wz"], rtol=1e-12
+    )
+    pose = np.reshape(estimates[-1].pose.covariance, (6, 6))
+    turn = sum(judged[f"deviation_attitude_{axis}"] ** 2 for axis in "xyz")
+    np.testing.assert_allclose(np.trace(pose[3:, 3:]), turn, rtol=1e-12)
+    checked = invoke("replay", folder, "--check", "--json")
+    assert checked.exit_code == 0, checked.output
+    assert json.loads(checked.output)["equal"]

@@ -9,6 +9,7 @@ import pytest
 from own_slots import cart_file
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
+from recorded import fly
 from ros_domains import reserved_domain
 from ros_fixtures import JOINT_STATE, Partner, Ros
 from rosgraph_msgs.msg import Clock
@@ -35,15 +36,8 @@ OF_CART = tuple(JOINT_STATE if each is topics.STATE else each for each in RECORD
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recorded run of the cart; its nodes are gone."""
     folder = tmp_path_factory.mktemp("recorded")
-    given = {"scenario": cart_file(folder)}
-    waiting = given | {"wait_for_recorder": True}
     with reserved_domain() as domain, closing(Ros(domain)) as ros:
-        recorder = ros.node("recorder", given | {"out": str(folder / "run")})
-        nodes = ros.start(waiting, "reference", "controller", "plant")
-        ros.spin_until(lambda: recorder.finished)
-        for node in (*nodes, recorder):
-            assert node.close() == 0
-    return folder / "run"
+        return fly(ros, folder / "run", {"scenario": cart_file(folder)}).folder
 
 
 class Audience:
