@@ -46,10 +46,12 @@ def text_message(text: str) -> bytes:
     return b"\x00\x01\x00\x00" + struct.pack("<I", len(data)) + data
 
 
-def write_bag(folder: Path, rows: Sequence[Row], qos: str = "") -> Path:
-    """A bag of text messages."""
+def write_bag(
+    folder: Path, rows: Sequence[Row], qos: str = "", schema: tuple[str, str, str] = STRING
+) -> Path:
+    """A bag of messages of one type, text unless another schema is given."""
     with BagWriter(folder) as bag:
-        channels = {name: bag.add_topic(name, *STRING, qos) for name in dict.fromkeys(r.topic for r in rows)}
+        channels = {name: bag.add_topic(name, *schema, qos) for name in dict.fromkeys(r.topic for r in rows)}
         for row in rows:
             bag.write(channels[row.topic], row.cdr, row.log_time, row.publish_time)
     return folder

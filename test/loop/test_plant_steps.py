@@ -33,26 +33,14 @@ def test_a_reset_forgets_the_pushes_before_it_and_takes_those_after_it(tmp_path:
     assert run.pushed is None
 
 
-class Breeze:
-    """A disturbance that inherits from nothing."""
-
-    def wind(self, k: int) -> Any:
-        """Upwards."""
-        return np.array([0.0, 0.0, 2.0])
-
-    def state(self, k: int, state: Any) -> Any:
-        """As it is."""
-        return state
-
-    def measurement(self, k: int, state: Any) -> Any:
-        """As it is."""
-        return state
-
-    def reset(self) -> None:
-        """Nothing to forget."""
-
-
 def test_a_disturbance_need_not_inherit() -> None:
+    methods = {
+        "wind": lambda self, k: np.array([0.0, 0.0, 2.0]),
+        "state": lambda self, k, state: state,
+        "measurement": lambda self, k, state: state,
+        "reset": lambda self: None,
+    }
+    breeze: Any = type("Breeze", (), methods)()
     scenario = load_scenario("fast_turn_lqr")
     plant = SkydiverPlant(scenario.plant, scenario.dt_s)
-    np.testing.assert_array_equal(Composed([Breeze()], plant, scenario.dt_s).wind(3), [0.0, 0.0, 2.0])
+    np.testing.assert_array_equal(Composed([breeze], plant, scenario.dt_s).wind(3), [0.0, 0.0, 2.0])

@@ -29,12 +29,6 @@ def flown(steps: int, arrivals: dict[int, list[int]]) -> tuple[CommandAccount, l
     return account, chosen
 
 
-def test_with_every_command_in_time_each_step_has_that_of_the_state_before() -> None:
-    account, chosen = flown(6, {0: [0]} | {k: [k - 1] for k in range(2, 6)})
-    assert [round(c[1] * 1000) for c in chosen] == [0, 0, 1, 2, 3, 4]
-    assert (account.steps, account.on_time, account.longest_silence) == (6, 6, 0)
-
-
 def test_late_stale_lost_and_repeated_are_told_apart() -> None:
     #                         in time        2 is late       5 comes before 4: stale; 6 is lost
     account, chosen = flown(10, {0: [0], 2: [1, 1], 4: [2, 3], 6: [5], 7: [4], 9: [8]})

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values by name, states and twists: there and back bit for bit, and what is refused."""
+"""Values by name or in fields, and states: there and back bit for bit, and what is refused."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from skydiver_utc.messages import (
 )
 
 NAMES = ("a", "b", "c")
+FIELDS = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
 STATE = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3, math.sqrt(0.86), 4.0, 5.0, 6.0, 7.0, 8.0, 9.0])
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -108,6 +110,22 @@ def test_a_twist_holds_each_value_in_its_component() -> None:
         message.linear.x = value
         with pytest.raises(MessageError, match=r"linear\.x"):
             read_fields(message, ("angular.z", "linear.x"))
+
+
+def imu() -> SimpleNamespace:
+    parts = ("angular_velocity", "linear_acceleration")
+    covariances = {f"{part}_covariance": np.zeros(9) for part in ("orientation", *parts)}
+    return SimpleNamespace(**{part: SimpleNamespace(x=0.0, y=0.0, z=0.0) for part in parts}, **covariances)
+
+
+def test_a_measurement_comes_back_with_its_bits_and_an_imu_says_what_it_does_not_measure() -> None:
+    values = np.array([0.1, -2.0, 1.0 / 3.0])
+    message = fill_fields(imu(), values, FIELDS)
+    np.testing.assert_array_equal(read_fields(message, FIELDS, "xyz"), values)
+    assert message.orientation_covariance[0] == message.angular_velocity_covariance[0] == -1.0
+    assert message.linear_acceleration_covariance[0] == 0.0
+    by_name = fill_fields(joint_state(("angle",), ()), values[:1], ())
+    np.testing.assert_array_equal(read_fields(by_name, (), ("angle",)), values[:1])
 
 
 def test_refusals_are_counted_and_the_first_of_a_kind_is_logged() -> None:

@@ -14,7 +14,7 @@ from ros_domains import reserved_domain
 from ros_fixtures import JOINT_STATE, Partner, Ros
 from rosgraph_msgs.msg import Clock
 
-from bags import Row, text_message
+from bags import Row, text_message, write_bag
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.lifecycle import RefusedError
@@ -120,11 +120,7 @@ def test_start_and_topics_choose_what_is_played(ros: Ros, run: Path) -> None:
 
 def text_bag(folder: Path) -> Path:
     rows = [Row("/text", 10**18 + k * 10**7, 1, text_message(str(k))) for k in range(3)]
-    with BagWriter(folder) as bag:
-        channel = bag.add_topic("/text", *message_schema("std_msgs/msg/String"), "")
-        for row in rows:
-            bag.write(channel, row.cdr, row.log_time, row.publish_time)
-    return folder
+    return write_bag(folder, rows, schema=message_schema("std_msgs/msg/String"))
 
 
 def test_a_recording_without_a_clock_gets_one(ros: Ros, tmp_path: Path) -> None:
@@ -155,13 +151,7 @@ def test_bytes_that_the_middleware_rejects_are_counted_and_the_rest_is_played(
 
 @pytest.mark.parametrize(
     ("parameters", "word"),
-    [
-        ({"topics": ["/other"]}, "/other"),
-        ({"rate": 0.0}, "rate"),
-        ({"rate": float("nan")}, "rate"),
-        ({"start_s": 5.0}, "start"),
-        ({"rat": 5.0}, "rat"),
-    ],
+    [({"topics": ["/other"]}, "/other"), ({"rate": float("nan")}, "rate"), ({"rat": 5.0}, "rat")],
 )
 def test_wrong_parameters_are_named(
     ros: Ros, tmp_path: Path, parameters: dict[str, object], word: str

@@ -15,13 +15,10 @@ pytestmark = pytest.mark.processes
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
-@pytest.mark.parametrize("script", ["controller", "stick", "plant"])
-def test_a_script_is_short(script: str) -> None:
-    lines = (EXAMPLES / "own_node" / f"{script}.py").read_text().splitlines()
-    assert len([line for line in lines if line]) <= 40
-
-
-def test_the_vehicle_is_short_and_knows_nothing_of_the_package() -> None:
+def test_scripts_are_short_and_the_vehicle_knows_nothing_of_the_package() -> None:
+    for script in ("controller", "stick", "plant"):
+        lines = (EXAMPLES / "own_node" / f"{script}.py").read_text().splitlines()
+        assert len([line for line in lines if line]) <= 40, script
     text = (EXAMPLES / "real_vehicle" / "vehicle.py").read_text()
     assert len(text.splitlines()) <= 60
     assert "skydiver_utc" not in text
