@@ -32,8 +32,7 @@ def build_true_plant(scenario: Scenario) -> Plant:
 
 @lru_cache(maxsize=8)
 def _plant(settings: Any, dt_s: float) -> Plant:
-    plant: Plant = _build("plant", settings, dt_s)
-    return plant
+    return _build("plant", settings, dt_s)
 
 
 def model_beside(true_plant: Plant, scenario: Scenario) -> Plant:
@@ -49,8 +48,7 @@ def model_beside(true_plant: Plant, scenario: Scenario) -> Plant:
 
 def build_reference(scenario: Scenario) -> Reference:
     """The reference of a scenario."""
-    reference: Reference = _build("reference", scenario.reference, scenario.dt_s)
-    return reference
+    return _build("reference", scenario.reference, scenario.dt_s)
 
 
 def build_controller(
@@ -66,7 +64,7 @@ def build_controller(
         raise ParameterError(
             f"the reference is for {', '.join(sorted(unknown))}: the plant has the outputs {known}"
         )
-    controller: Controller = _build(
+    controller = _build(
         "controller", scenario.controller, plant, reference.outputs, scenario.dt_s, scenario.seed
     )
     return controller if delay_steps == 0 else DelayCompensation(controller, plant, delay_steps)
@@ -96,8 +94,7 @@ def preview_steps(scenario: Scenario) -> int:
 
 def build_estimator(scenario: Scenario, plant: Plant) -> Estimator:
     """The estimator of a scenario."""
-    estimator: Estimator = _build("estimator", scenario.estimator, plant, scenario.dt_s)
-    return estimator
+    return _build("estimator", scenario.estimator, plant, scenario.dt_s)
 
 
 def build_sensors(scenario: Scenario, plant: Plant) -> Sensors | None:
@@ -105,10 +102,7 @@ def build_sensors(scenario: Scenario, plant: Plant) -> Sensors | None:
     given = getattr(scenario.estimator, "sensors", None)
     if given is None:
         return None
-    sensors: Sensors = _made(
-        "estimator", scenario.estimator.kind, Sensors, given, plant, scenario.dt_s, scenario.seed
-    )
-    return sensors
+    return _made("estimator", scenario.estimator.kind, Sensors, given, plant, scenario.dt_s, scenario.seed)
 
 
 def build_disturbances(scenario: Scenario, plant: Plant) -> Composed:

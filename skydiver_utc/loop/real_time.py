@@ -75,8 +75,7 @@ class CommandAccount:
             return self._newest_command
         self.neutral_steps += 1
         share = min(1.0, (self.silence - self._after_steps) / max(1, self._ramp_steps))
-        command: Array = self._newest_command + share * (self._neutral - self._newest_command)
-        return command
+        return self._newest_command + share * (self._neutral - self._newest_command)
 
     def as_dict(self) -> dict[str, int]:
         """The account by name."""

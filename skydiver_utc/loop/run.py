@@ -84,8 +84,7 @@ class Run:
     @property
     def time_s(self) -> Array:
         """Time of each state, shape (K+1,)."""
-        steps: Array = self.first_step + np.arange(len(self.states), dtype=np.float64)
-        return self.scenario.dt_s * steps
+        return self.scenario.dt_s * (self.first_step + np.arange(len(self.states), dtype=np.float64))
 
     def since(self, step: int) -> "Run":
         """The same run without what lies before this step, one of its own."""
@@ -133,8 +132,7 @@ class Run:
         """The number of sigma points that diverged in each step (K,); zero for a controller without any."""
         if DIVERGED_POINTS not in self.telemetry_names:
             return np.zeros(len(self.telemetry))
-        counts: Array = np.nan_to_num(self.telemetry[:, self.telemetry_names.index(DIVERGED_POINTS)])
-        return counts
+        return np.nan_to_num(self.telemetry[:, self.telemetry_names.index(DIVERGED_POINTS)])
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -20,7 +20,6 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
-from rclpy.validate_namespace import validate_namespace
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -52,12 +51,11 @@ class ObservedRun:
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self.namespace, self.ended = namespace.strip("/"), False
         try:
-            validate_namespace(f"/{self.namespace}")
+            self._node = Node("view", namespace=self.namespace, context=context)
         except InvalidNamespaceException as error:
             raise ParameterError(
                 f"{namespace!r} is not a valid namespace: take the name of a run, such as skydiver"
             ) from error
-        self._node = Node("view", namespace=self.namespace, context=context)
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self._node)
         self._scenario: Scenario | None = None
@@ -168,11 +166,8 @@ class ObservedRun:
             time.sleep(_POLL_S)
 
     def _on_scenario(self, message: Any) -> None:
-        self._scenario, self._run_id, self.ended = (
-            from_yaml(str(message.data)),
-            run_id_of(message.data),
-            False,
-        )
+        self._scenario, self._run_id = from_yaml(message.data), run_id_of(message.data)
+        self.ended = False
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
