@@ -27,7 +27,6 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
-from std_msgs.msg import String
 
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.controller_node import ControllerNode
@@ -174,20 +173,6 @@ class Partner(Node):
         if topic not in self._publishers_by_topic:
             self._publishers_by_topic[topic] = self.create_publisher(topic.type, topic.name, topic.qos)
         return self._publishers_by_topic[topic]
-
-
-class Spectator(Partner):
-    """Stands where a recorder would: nodes started with `wait_for_recorder` begin when it receives every topic.
-
-    `received` has a list for each recorded topic; `types` replaces those of the table.
-    """
-
-    def __init__(self, context: Context, *types: Topic) -> None:
-        super().__init__("spectator", context)
-        by_name = {topic.name: topic for topic in types}
-        recorded = {topic: by_name.get(topic.name, topic) for topic in topics.RECORDED}
-        self.received = {topic: self.receive(of_type) for topic, of_type in recorded.items()}
-        self.publisher(topics.RECORDER_READY).publish(String(data="the spectator"))
 
 
 @pytest.fixture

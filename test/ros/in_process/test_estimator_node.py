@@ -1,28 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The estimator node: bit-equal flights, what it keeps through a change of the controller, and where it begins."""
+"""The estimator node: bit-equal flights, and where it begins."""
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from command_line import invoke
-from recorded import fly
-from ros_fixtures import Ros, Spectator, overrides
+from recorded import Bag, fly
+from ros_fixtures import KINDS, Ros, overrides
 from runs import cart
 
+from skydiver_utc.analysis.controller_check import check
+from skydiver_utc.analysis.recorded_run import RecordedRun
 from skydiver_utc.estimators.consistency import JUDGEMENT, VERDICTS, consistency
-from skydiver_utc.loop.build import build_estimator
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.estimation import Estimation, estimate_at
-from skydiver_utc.loop.plant_steps import PlantSteps
-from skydiver_utc.messages import read_named
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.estimator_node import EstimatorNode
 from skydiver_utc.nodes.lifecycle import NotNeededError
-from skydiver_utc.parameters import Scenario, override, to_yaml
+from skydiver_utc.parameters import override, to_yaml
 
 pytest_plugins = ("ros_fixtures",)
 
@@ -50,76 +47,38 @@ class LosesOne(EstimatorNode):
 
 
 class Flight:
-    """A cart with all nodes but the recorder, in one process."""
+    """A recorded flight of a cart."""
 
-    def __init__(
-        self, ros: Ros, folder: Path, node: type[EstimatorNode] = EstimatorNode, **settings: object
-    ) -> None:
-        self.scenario: Scenario = override(
-            cart(), {"duration_s": 4.0, "controller": {"kind": "lqr"}, **settings}
-        )
-        path = folder / "cart.yaml"
-        path.write_text(to_yaml(self.scenario), encoding="utf-8")
-        self.ros, self.given = ros, {"scenario": str(path)}
-        types = (topics.STATE, topics.ESTIMATE)
-        joints = [topic.of_type(topics.STATE_TYPES["joint_state"]) for topic in types]
-        self.spectator = ros.add(Spectator(ros.context, *joints))
+    def __init__(self, ros: Ros, folder: Path, **settings: object) -> None:
+        self.scenario = override(cart(), {"controller": {"kind": "lqr"}, "estimator": FILTER, **settings})
+        (folder / "cart.yaml").write_text(to_yaml(self.scenario), encoding="utf-8")
+        self.ros, self.folder = ros, folder / "run"
+        self.given = {"scenario": str(folder / "cart.yaml")}
+        self.recorder = ros.node("recorder", self.given | {"out": str(self.folder)})
         waiting = self.given | {"wait_for_recorder": True}
-        ros.node("reference", self.given)
-        self.controller = ros.node("controller", waiting)
-        self.estimator = ros.add(node(ros.context, waiting))
-        self.plant = ros.node("plant", self.given | {"command_timeout_s": 0.3, "command_retries": 100})
+        self.estimator, *_ = ros.start(waiting, "estimator", "controller", "reference")
+        self.plant = ros.node("plant", waiting | {"command_timeout_s": 0.3, "command_retries": 100})
 
-    def until_the_end(self) -> None:
-        of_steps = (topics.COMMAND, topics.ESTIMATE, topics.ESTIMATOR_TELEMETRY)
-        self.ros.spin_until(
-            lambda: self.plant.done and all(len(self.received(t)) >= self.plant.k for t in of_steps)
-        )
-
-    def received(self, topic: topics.Topic) -> list[Any]:
-        return self.spectator.received[topic]
-
-    def values(self, topic: topics.Topic, names: Sequence[str]) -> Any:
-        """By step; of a message that came twice, the last one."""
-        rows = {self.plant.grid.step_of(m.header.stamp): read_named(m, names) for m in self.received(topic)}
-        return np.array([rows[k] for k in sorted(rows)])
-
-    def commands(self) -> Any:
-        return self.values(topics.COMMAND, ("force",))
-
-    def estimates(self) -> Any:
-        return self.values(topics.ESTIMATE, ("place", "speed"))
-
-    def computed(self, *begins: int) -> Any:
-        """The estimates of the plant's own measurements under the recorded commands."""
-        steps = PlantSteps(self.scenario)
-        steps.begin()
-        measured = []
-        for command in self.commands():
-            measured.append(steps.measured)
-            steps.step(command)
-        estimations = {
-            k: Estimation(build_estimator(self.scenario, steps.plant), steps.plant, steps.disturbance)
-            for k in begins
-        }
-        return estimate_at(estimations, 0, measured, self.commands())
+    def recorded(self) -> RecordedRun:
+        self.ros.spin_until(lambda: self.recorder.finished and not self.recorder.not_in_bag())
+        assert self.recorder.close() == 0
+        return RecordedRun(self.folder)
 
 
 @pytest.mark.parametrize(("node", "duration_s"), [(EstimatorNode, 12.0), (LosesOne, 4.0)])
 def test_a_flight_on_sensors_equals_the_simulation(
-    ros: Ros, tmp_path: Path, node: type[EstimatorNode], duration_s: float
+    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, node: type[EstimatorNode], duration_s: float
 ) -> None:
     """The longer one has more than the 200 innovations that are judged."""
-    flight = Flight(ros, tmp_path, node, estimator=FILTER, duration_s=duration_s)
-    flight.until_the_end()
-    run = simulate(flight.scenario)
-    assert flight.commands().tobytes() == run.commands.tobytes()
-    names = run.telemetry_names
-    first = names.index("estimate_place")
-    assert flight.estimates().tobytes() == run.telemetry[:, first : first + 2].tobytes()
-    innovations = run.telemetry[:, [names.index("innovation_encoder_speed")]]
+    monkeypatch.setitem(KINDS, "estimator", node)
+    flight = Flight(ros, tmp_path, duration_s=duration_s)
+    recorded, run = flight.recorded().run(), simulate(flight.scenario)
+    assert recorded.commands.tobytes() == run.commands.tobytes()
+    assert recorded.telemetry_names == run.telemetry_names
+    assert recorded.telemetry.tobytes() == run.telemetry.tobytes()
+    innovations = run.telemetry[:, [run.telemetry_names.index("innovation_encoder_speed")]]
     wanted = consistency(innovations[np.isfinite(innovations[:, 0])][-200:])
-    last = flight.received(topics.ESTIMATOR_TELEMETRY)[-1]
+    last = Bag(flight.folder).of(topics.ESTIMATOR_TELEMETRY)[-1]
     found = dict(zip(last.name, last.position, strict=True))
     judged = [found[f"{name}_encoder"] for name in JUDGEMENT]
     assert judged == [wanted.mean, wanted.low, wanted.high, VERDICTS.index(wanted.verdict)]
@@ -127,21 +86,22 @@ def test_a_flight_on_sensors_equals_the_simulation(
 
 
 def test_an_estimator_that_comes_into_a_run_begins_there(ros: Ros, tmp_path: Path) -> None:
-    flight = Flight(ros, tmp_path, estimator=FILTER)
+    flight = Flight(ros, tmp_path)
     ros.spin_until(lambda: flight.plant.k > 30)
     ros.remove(flight.estimator)
     ros.node("estimator", flight.given)
-    flight.until_the_end()
-    change = json.loads(flight.received(topics.CHANGES)[0].data)
-    assert (change["node"], change["step"] > 30, change["control"]) == ("estimator", True, None)
-    assert flight.estimates().tobytes() == flight.computed(0, change["step"]).tobytes()
+    recorded = flight.recorded()
+    (change,) = recorded.run().changes
+    assert (change.node, change.step > 30, change.control) == ("estimator", True, None)
+    checked = check(recorded)
+    assert checked.equal
+    assert checked.different_estimates == 0
 
 
 def test_an_estimator_of_ones_own_is_given_the_measured_state(ros: Ros, tmp_path: Path) -> None:
     noise = {"kind": "measurement_error", "noise": {"place": 0.05}}
     flight = Flight(ros, tmp_path, estimator={"kind": "own_slots:Averaged"}, disturbances=[noise])
-    flight.until_the_end()
-    assert flight.commands().tobytes() == simulate(flight.scenario).commands.tobytes()
+    assert flight.recorded().run().commands.tobytes() == simulate(flight.scenario).commands.tobytes()
 
 
 def test_an_estimator_is_not_needed_where_the_scenario_has_none(ros: Ros) -> None:

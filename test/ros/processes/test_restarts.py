@@ -12,7 +12,7 @@ import own_slots
 import pytest
 from child_processes import wait_until
 from own_slots import cart_file
-from ros_fixtures import JOINT_STATE, Processes, Ros, Spectator, overrides
+from ros_fixtures import JOINT_STATE, Processes, Ros, overrides
 
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.messages import read_named, read_outcome
@@ -31,11 +31,14 @@ class Stage:
         shutil.copy(own_slots.__file__, folder)
         self.ros, self._processes = ros, processes
         self.given: dict[str, Any] = {"scenario": cart_file(folder), "duration_s": 20.0}
-        self.spectator = ros.add(Spectator(ros.context, JOINT_STATE))
-        self.states = self.spectator.received[topics.STATE]
-        self.commands = self.spectator.received[topics.COMMAND]
-        self.changes = self.spectator.received[topics.CHANGES]
-        self.outcomes = self.spectator.received[topics.OUTCOME]
+        self.spectator = ros.partner("spectator")
+        received = {
+            topic: self.spectator.receive(JOINT_STATE if topic is topics.STATE else topic)
+            for topic in topics.RECORDED
+        }
+        self.spectator.publisher(topics.RECORDER_READY).publish(topics.RECORDER_READY.type(data="here"))
+        self.states, self.commands = received[topics.STATE], received[topics.COMMAND]
+        self.changes, self.outcomes = received[topics.CHANGES], received[topics.OUTCOME]
         self.nodes: dict[str, Any] = {}
 
     def start(self, *kinds: str, **settings: object) -> None:
