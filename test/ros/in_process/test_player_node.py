@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from own_slots import cart_file
 from rclpy.qos import QoSProfile
-from rclpy.serialization import serialize_message
 from recorded import fly
 from ros_domains import reserved_domain
 from ros_fixtures import JOINT_STATE, Partner, Ros
@@ -130,23 +129,6 @@ def test_a_recording_without_a_clock_gets_one(ros: Ros, tmp_path: Path) -> None:
     node = player(ros, text_bag(tmp_path / "bag"))
     ros.spin_until(lambda: node.finished and len(clocks) == 3)
     assert [clock.clock.nanosec for clock in clocks] == [0, 10_000_000, 20_000_000]
-
-
-def test_bytes_that_the_middleware_rejects_are_counted_and_the_rest_is_played(
-    ros: Ros, tmp_path: Path
-) -> None:
-    """`/clock` has a fixed length: too many bytes are no message of it."""
-    cdr = bytes(serialize_message(Clock()))
-    with BagWriter(tmp_path / "bag") as bag:
-        channel = bag.add_topic("/clock", *message_schema("rosgraph_msgs/msg/Clock"), "")
-        for k, data in enumerate((cdr, cdr + b"\xff" * 1000, cdr)):
-            bag.write(channel, data, 10**18 + k, 1)
-    audience = Audience(ros, (topics.CLOCK,))
-    node = player(ros, tmp_path / "bag")
-    ros.spin_until(lambda: node.finished and audience.count == 2)
-    assert audience.received == {"/clock": [cdr, cdr]}
-    assert node.not_sent == {"/clock": 1}
-    assert node.close() == 0
 
 
 @pytest.mark.parametrize(

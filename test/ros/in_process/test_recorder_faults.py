@@ -88,7 +88,9 @@ def test_a_topic_of_another_type_is_reported_once_with_its_node(
     elsewhere.close()
 
 
-def test_needed_topics_that_nobody_publishes_are_named(ros: Ros, tmp_path: Path, log: Log) -> None:
+def test_needed_topics_that_nobody_publishes_are_named_until_it_is_ready(
+    ros: Ros, tmp_path: Path, log: Log
+) -> None:
     stage = Stage(ros, tmp_path / "run")
     missing = (topics.COMMAND, topics.STATE)
     for topic in NEEDED:
@@ -102,7 +104,10 @@ def test_needed_topics_that_nobody_publishes_are_named(ros: Ros, tmp_path: Path,
         return names & {name.strip() for name in listed.split(",")}
 
     ros.spin_until(lambda: waits_for() == {topic.name for topic in missing})
+    assert not stage.ready
     stage.all_there()
+    late = ros.partner("late").receive(topics.RECORDER_READY)
+    ros.spin_until(lambda: late)
 
 
 def test_what_comes_while_a_recorder_is_inactive_is_recorded_after_that_or_at_its_end(

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recorder_stage import NEEDED, Stage
+from recorder_stage import Stage
 from ros_fixtures import Ros, overrides
-from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from bags import metadata_of, stored
@@ -55,20 +54,6 @@ def test_messages_are_recorded_byte_for_byte_at_simulated_time_with_scenario_and
     assert profiles["/skydiver/state"]["durability"] == "volatile"
 
 
-def test_a_state_of_another_type_is_recorded_as_that(stage: Stage) -> None:
-    state = topics.STATE.of_type(JointState)
-    message = JointState(name=["a"], position=[1.5])
-    stage.node.grid.set_stamp(message.header.stamp, 3)
-    data = stage.send(state, message)
-    (recorded,) = [each for each in stage.recorded() if each.topic == "/skydiver/state"]
-    assert (recorded.cdr, recorded.log_time) == (data, stage.node.scenario.stamp_ns(3))
-    listed = {
-        each["topic_metadata"]["name"]: each["topic_metadata"]["type"]
-        for each in metadata_of(stage.folder)["topics_with_message_count"]
-    }
-    assert listed["/skydiver/state"] == "sensor_msgs/msg/JointState"
-
-
 def test_without_a_stamp_of_the_run_a_message_gets_the_newest_time_of_clock_and_state(stage: Stage) -> None:
     stage.all_there()
     stage.state(7)
@@ -106,16 +91,6 @@ def test_a_vehicle_has_its_own_time(stage: Stage) -> None:
         stage.ros.spin_until(lambda: stage.node.newest_step() > 0)
     assert [message.log_time for message in stage.recorded()] == [now_ns + 4_000_000 * i for i in range(3)]
     assert stage.node.refusals.counts == {}
-
-
-def test_it_is_ready_when_it_receives_every_needed_topic(stage: Stage) -> None:
-    for topic in NEEDED:
-        stage.ros.spin_for(0.1)
-        assert stage.ready == []
-        stage.others.publisher(topic)
-    stage.ros.spin_until(lambda: stage.ready)
-    late = stage.ros.partner("late").receive(topics.RECORDER_READY)
-    stage.ros.spin_until(lambda: late)
 
 
 def test_a_clock_that_is_set_back_changes_nothing(
