@@ -144,8 +144,10 @@ class Partner(Node):
         self._publishers_by_topic: dict[Topic, Any] = {}
         self._clients_by_service: dict[str, Any] = {}
 
-    def receive(self, topic: Topic, then: Callable[[Any], None] | None = None) -> list[Any]:
-        """Subscribe with room for a whole run; every message goes into the list returned, then to `then`."""
+    def receive(
+        self, topic: Topic, then: Callable[[Any], None] | None = None, raw: bool = False
+    ) -> list[Any]:
+        """Subscribe with room for a whole run; every message, or its bytes, goes into the list, then to `then`."""
         messages: list[Any] = []
 
         def take(message: Any) -> None:
@@ -156,7 +158,7 @@ class Partner(Node):
         qos = QoSProfile(
             depth=_EVERY_MESSAGE, reliability=topic.qos.reliability, durability=topic.qos.durability
         )
-        self.create_subscription(topic.type, topic.name, take, qos)
+        self.create_subscription(topic.type, topic.name, take, qos, raw=raw)
         return messages
 
     def call(self, ros: "Ros", service: str, kind: Any, **fields: Any) -> Any:
