@@ -49,14 +49,13 @@ class PlantNode(ScenarioNode):
         self._progress_steps = max(1, round(_PROGRESS_PERIOD_S / self.scenario.dt_s))
         self._timers_of_run: list[Timer] = []
         self._recorder_ready = not self.settings.wait_for_recorder
-        self._pace: RealTimePace | None = None
+        self._real_time = self.settings.mode == "real_time"
         self.get_logger().info("building")
         self.run = PlantSteps(self.scenario)
         sensors = self.run.sensors.models if self.run.sensors else ()
         self._out = PlantTopics(self, self.run.plant, self.run.disturbance, sensors)
         self._display = PlantDisplay(self, self.run.plant)
-        real_time = self.settings.mode == "real_time"
-        qos = topics.EACH_AS_IT_COMES if real_time else None
+        qos = topics.EACH_AS_IT_COMES if self._real_time else None
         self._commands = self.subscribe(topics.COMMAND, self.on_command, qos)
         self.subscribe(topics.RECORDER_READY, self.on_recorder_ready)
         self.subscribe(topics.PUSH, self.on_push)
@@ -68,12 +67,10 @@ class PlantNode(ScenarioNode):
         self.run_id = uuid.uuid4().hex
         self.run.reset()
         self._command_of_pause: Any = None  # the step that it answers waits for the end of a pause
-        self._pace = None
-        if self.settings.mode == "real_time":
-            s, dt_s = self.settings, self.scenario.dt_s
-            after, ramp = round(s.neutral_after_s / dt_s), round(s.neutral_time_s / dt_s)
-            account = CommandAccount(self.scenario.steps, self.run.plant.initial_control(), after, ramp)
-            self._pace = RealTimePace(account, self.scenario.dt_ns, self._step, self._now_ns)
+        s, dt_s = self.settings, self.scenario.dt_s
+        after, ramp = round(s.neutral_after_s / dt_s), round(s.neutral_time_s / dt_s)
+        account = CommandAccount(self.scenario.steps, self.run.plant.initial_control(), after, ramp)
+        self._pace = RealTimePace(account, self.scenario.dt_ns, self._step, self._now_ns)
         self._out.scenario.publish(String(data=scenario_text(to_yaml(self.scenario), self.run_id)))
         self.get_logger().info(
             f"{self.scenario.steps} steps of {self.scenario.dt_s * 1e3:g} ms,"
@@ -96,7 +93,7 @@ class PlantNode(ScenarioNode):
 
     def deactivate(self) -> None:
         """Pause between two steps; a run in real time cannot."""
-        if self._pace is not None and self._pace.begun and not self.done:
+        if self._pace.begun and not self.done:
             raise RefusedError("a run in real time cannot pause: shut the plant down to end it")
         super().deactivate()
 
@@ -147,7 +144,7 @@ class PlantNode(ScenarioNode):
         if k > self.k:
             raise MessageError("stamp", f"it answers step {k}, the plant is at step {self.k}")
         command = read_named(message, self.run.plant.control_names)
-        if self._pace is not None:
+        if self._real_time:
             self._pace.account.receive(k, command)
             if not self._pace.begun and self.active:
                 # Step 0 is now, the others are due by the steady clock. rclpy rounds the period down to nanoseconds.
@@ -170,9 +167,8 @@ class PlantNode(ScenarioNode):
             "step_rate_Hz": self._rate.read(self.k),
             "retransmitted": self.retransmitted,
         }
-        pace = self._pace if self._pace is not None and self._pace.begun else None
-        if pace is not None:
-            values |= {**pace.account.as_dict(), "late_steps": pace.late_steps}
+        if self._pace.begun:
+            values |= {**self._pace.account.as_dict(), "late_steps": self._pace.late_steps}
         level, sentence = Level.OK, "running"
         if self.done:
             level = Level.OK if self.run.outcome in _EXIT_ZERO else Level.ERROR
@@ -182,8 +178,8 @@ class PlantNode(ScenarioNode):
             sentence = f"{commanders} publishers of command and {plants} of state: there must be one of each"
         elif self.k < 0:
             sentence = self.missing() or "beginning"
-        elif pace is not None and pace.account.silence:
-            level, sentence = Level.WARN, pace.sentence()
+        elif self._pace.begun and self._pace.account.silence:
+            level, sentence = Level.WARN, self._pace.sentence()
         elif self._retries:
             level, sentence = Level.WARN, self._no_command()
         return Health(level, sentence, values)
@@ -242,7 +238,7 @@ class PlantNode(ScenarioNode):
             self._finish()
 
     def _tick(self) -> None:
-        if self._pace is not None and self.active and not self.done:
+        if self.active and not self.done:
             self._pace.tick()
 
     def _step(self, command: Any) -> bool:
@@ -261,13 +257,13 @@ class PlantNode(ScenarioNode):
 
     def _report(self) -> dict[str, object]:
         """The step in values; `late`: steps of real time that held an older command."""
-        plant, account = self.run.plant, None if self._pace is None else self._pace.account
+        plant, account = self.run.plant, self._pace.account
         return {
             "step": self.k,
             "steps": self.scenario.steps,
             "outputs": dict(zip(plant.output_names, plant.outputs(self.run.state).tolist(), strict=True)),
             "controls": dict(zip(plant.control_names, self.run.control.tolist(), strict=True)),
-            "late": None if account is None else account.steps - account.on_time,
+            "late": account.steps - account.on_time if self._real_time else None,
         }
 
     def _publish_state(self) -> None:
@@ -281,9 +277,8 @@ class PlantNode(ScenarioNode):
     def _watch_command(self) -> None:
         """Retransmit the state when its command is late; give up after the last retry."""
         timeout_s = self.settings.command_timeout_s
-        by_the_clock = self._pace is not None and self._pace.begun
         late = time.monotonic() - self._published_at >= timeout_s
-        if self.done or not self.active or by_the_clock or not late:
+        if self.done or not self.active or self._pace.begun or not late:
             return
         if self._retries == self.settings.command_retries:
             last = f"; the last message refused was on {self.refusals.last}" if self.refusals.last else ""
@@ -315,7 +310,7 @@ class PlantNode(ScenarioNode):
         if outcome is not None:
             self.run.end(outcome, reason)
         values: dict[str, object] = {"wall_time_s": wall_time_s, "states": self.k + 1}
-        if self._pace is not None:
+        if self._real_time:
             values["real_time"] = self._pace.as_dict()
             self.run.end(*self._pace.ending(self.run.outcome, self.run.reason))
         text = outcome_text(self.run_id, self.run.outcome.value, self.run.reason, **values)

@@ -49,15 +49,12 @@ class RecorderNode(ScenarioNode):
     KIND = topics.RECORDER
 
     def build(self) -> None:
-        self.folder = Path()
         self.failure = ""
         self._bag: BagWriter | None = None
         self._inputs: list[RecorderInput] = []
-        self._waiting: list[tuple[RecorderInput, RawMessage]] = []  # until the time of the run is known
         self._run = self._new_run()
         self._ready = self.advertise(topics.RECORDER_READY)
         self._announced = True  # `recorder/ready`
-        self._disk_is_slow = False
         self.every(_POLL_S, self._poll)
         self.every(_CHECK_S, self._check_types)
 
@@ -65,7 +62,7 @@ class RecorderNode(ScenarioNode):
         """Open a new bag, subscribe to every topic."""
         self.folder = Path(self.settings.out or new_run_folder(Path("bags"), self.scenario.name))
         self._run = self._new_run()
-        self._waiting.clear()
+        self._waiting: list[tuple[RecorderInput, RawMessage]] = []  # until the time of the run is known
         self.failure, self.done, self._disk_is_slow = "", False, False
         beside = {
             SCENARIO_FILE: to_yaml(self.scenario),
