@@ -14,7 +14,7 @@ from skydiver_utc.messages import MessageError, change_text
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Rate
 from skydiver_utc.nodes.node import ScenarioNode
-from skydiver_utc.nodes.plant_topics import StampedTopic
+from skydiver_utc.nodes.stamped_topic import StampedTopic
 from skydiver_utc.parameters import ParameterError
 
 _PATIENCE_S = 5.0

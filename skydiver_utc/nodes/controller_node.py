@@ -30,7 +30,7 @@ from skydiver_utc.messages import (
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.answering import AnsweringNode
 from skydiver_utc.nodes.diagnostics import Health, Level
-from skydiver_utc.nodes.plant_topics import StampedTopic
+from skydiver_utc.nodes.stamped_topic import StampedTopic
 from skydiver_utc.parameters import ParameterError, Scenario, override
 from skydiver_utc.parameters.nanoseconds import stamp_ns
 

@@ -19,7 +19,7 @@ from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.answering import AnsweringNode
 from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.lifecycle import NotNeededError
-from skydiver_utc.nodes.plant_topics import StampedTopic, state_topic
+from skydiver_utc.nodes.stamped_topic import StampedTopic, state_topic
 from skydiver_utc.rotations import turn_into_body
 
 _RECENT = 200  # measurements of each sensor, by which the estimate is judged

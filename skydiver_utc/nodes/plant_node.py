@@ -5,10 +5,12 @@ import json
 import time
 import uuid
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from rclpy.timer import Timer
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -22,7 +24,7 @@ from skydiver_utc.nodes.diagnostics import Health, Level, Rate
 from skydiver_utc.nodes.lifecycle import RefusedError
 from skydiver_utc.nodes.node import ScenarioNode, wait_for_subscribers
 from skydiver_utc.nodes.plant_display import PlantDisplay
-from skydiver_utc.nodes.plant_topics import PlantTopics
+from skydiver_utc.nodes.stamped_topic import StampedTopic, sensor_topic, state_topic
 from skydiver_utc.parameters import to_yaml
 
 _PROGRESS_PERIOD_S = 0.5
@@ -52,9 +54,21 @@ class PlantNode(ScenarioNode):
         self._real_time = self.settings.mode == "real_time"
         self.get_logger().info("building")
         self.run = PlantSteps(self.scenario)
+        plant, acting = self.run.plant, self.run.disturbance.names
         sensors = self.run.sensors.models if self.run.sensors else ()
-        self._out = PlantTopics(self, self.run.plant, self.run.disturbance, sensors)
-        self._display = PlantDisplay(self, self.run.plant)
+        # Before the clock: a reference that has discovered the clock waits for the scenario, too.
+        self._scenarios = self.advertise(topics.SCENARIO)
+        state = replace(topics.STATE, subscribers=()) if sensors else topics.STATE
+        self._states = state_topic(self, state, plant)
+        self._clocks, self._now = self.advertise(topics.CLOCK), Clock()
+        self._applied = StampedTopic(self, topics.APPLIED_COMMAND, plant.control_names)
+        self._acted = StampedTopic(self, topics.DISTURBANCE, acting) if acting else None
+        self._pushed = StampedTopic(self, topics.PUSHED, plant.state_names)
+        self._outcomes = self.advertise(topics.OUTCOME)
+        self._sensors = [sensor_topic(self, sensor) for sensor in sensors]
+        # What the estimator, or else the controller, is given.
+        self._given = (self._sensors[-1] if sensors else self._states).publisher.topic_name
+        self._display = PlantDisplay(self, plant)
         qos = topics.EACH_AS_IT_COMES if self._real_time else None
         self._commands = self.subscribe(topics.COMMAND, self.on_command, qos)
         self.subscribe(topics.RECORDER_READY, self.on_recorder_ready)
@@ -71,7 +85,7 @@ class PlantNode(ScenarioNode):
         after, ramp = round(s.neutral_after_s / dt_s), round(s.neutral_time_s / dt_s)
         account = CommandAccount(self.scenario.steps, self.run.plant.initial_control(), after, ramp)
         self._pace = RealTimePace(account, self.scenario.dt_ns, self._step, self._now_ns)
-        self._out.scenario.publish(String(data=scenario_text(to_yaml(self.scenario), self.run_id)))
+        self._scenarios.publish(String(data=scenario_text(to_yaml(self.scenario), self.run_id)))
         self.get_logger().info(
             f"{self.scenario.steps} steps of {self.scenario.dt_s * 1e3:g} ms,"
             f" {self.settings.mode.replace('_', ' ')}"
@@ -160,7 +174,7 @@ class PlantNode(ScenarioNode):
 
     def health(self) -> Health:
         commanders = self._commands.get_publisher_count()
-        plants = self.count_publishers(self._out.state.topic_name)
+        plants = self.count_publishers(self._states.publisher.topic_name)
         values: dict[str, object] = {
             "step": self.k,
             "steps": self.scenario.steps,
@@ -209,14 +223,14 @@ class PlantNode(ScenarioNode):
             absent.append(f"no subscriber, or too few, of {', '.join(unmatched)}")
         if not absent and not self._partner_subscribes():
             partner = topics.ESTIMATOR if self.scenario.has_estimator else topics.CONTROLLER
-            absent.append(f"no {partner} that is subscribed to {self._out.given.topic_name}")
+            absent.append(f"no {partner} that is subscribed to {self._given}")
         return " and ".join(absent)
 
     def _partner_subscribes(self) -> bool:
         """True when a node that publishes estimates or commands is subscribed; other subscribers do not count."""
         answer = topics.ESTIMATE if self.scenario.has_estimator else topics.COMMAND
         partners = self.get_publishers_info_by_topic(self.resolve_topic_name(answer.name))
-        subscribers = self.get_subscriptions_info_by_topic(self._out.given.topic_name)
+        subscribers = self.get_subscriptions_info_by_topic(self._given)
         named = [{(node.node_namespace, node.node_name) for node in each} for each in (partners, subscribers)]
         return not named[0].isdisjoint(named[1])
 
@@ -246,7 +260,7 @@ class PlantNode(ScenarioNode):
         goes_on = self.run.step(command)
         self._retries = 0
         if self.run.pushed is not None:
-            self._out.pushed.publish(self.k, self.run.pushed)
+            self._pushed.publish(self.k, self.run.pushed)
         self._publish_state()
         self._display.publish(self.k, self.run.state, self.run.applied)
         if not goes_on:
@@ -267,11 +281,19 @@ class PlantNode(ScenarioNode):
         }
 
     def _publish_state(self) -> None:
-        """The state, and the control that led to it, from which a restarted controller continues."""
-        self._out.publish_readings(self.run.readings or ())
-        self._out.publish_state(self.k, self.run.state)
+        """The state, and the control that led to it, from which a restarted controller continues.
+
+        State before clock: the controller works while the clock is sent.
+        """
+        for reading in self.run.readings or ():
+            self._sensors[reading.sensor].publish(reading.step, reading.values)
+        self._states.publish(self.k, self.run.state)
+        self.grid.set_stamp(self._now.clock, self.k)
+        self._clocks.publish(self._now)
+        if self._acted is not None:
+            self._acted.publish(self.k, self.run.disturbance.acted(self.k, self.run.state))
         if self.k > 0:
-            self._out.applied.publish(self.k - 1, self.run.control)
+            self._applied.publish(self.k - 1, self.run.control)
         self._published_at = time.monotonic()
 
     def _watch_command(self) -> None:
@@ -314,7 +336,7 @@ class PlantNode(ScenarioNode):
             values["real_time"] = self._pace.as_dict()
             self.run.end(*self._pace.ending(self.run.outcome, self.run.reason))
         text = outcome_text(self.run_id, self.run.outcome.value, self.run.reason, **values)
-        self._out.outcome.publish(String(data=text))
+        self._outcomes.publish(String(data=text))
         self.get_logger().info(f"{self.run.outcome.value}: {self.run.reason} ({wall_time_s:.2f} s)")
         if self.settings.progress:
             _print(json.loads(text))

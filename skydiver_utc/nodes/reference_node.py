@@ -11,7 +11,7 @@ from skydiver_utc.messages import StepGrid, fill_preview, read_fields
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.diagnostics import Health, Level
 from skydiver_utc.nodes.node import ScenarioNode
-from skydiver_utc.nodes.plant_topics import StampedTopic
+from skydiver_utc.nodes.stamped_topic import StampedTopic
 from skydiver_utc.parameters.nanoseconds import stamp_ns
 
 _PATIENCE_S = 5.0

@@ -1,16 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The messages that a plant publishes in each step, and those with the same content of other nodes."""
+"""Publishers of numbers at a step: states, controls, measurements, telemetry."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from rosgraph_msgs.msg import Clock
-
 from skydiver_utc.arrays import Array
-from skydiver_utc.disturbances.composed import Composed
-from skydiver_utc.estimators.protocol import Reading
 from skydiver_utc.estimators.sensor_models import SensorOfPlant
 from skydiver_utc.messages import fill_fields, fill_named, fill_state
 from skydiver_utc.nodes import topics
@@ -62,45 +57,8 @@ def state_topic(node: ScenarioNode, topic: Topic, plant: Plant) -> StampedTopic:
     return StampedTopic(node, topic.of_plant(plant), plant.state_names, frame, fill_state)
 
 
-def _of_sensor(node: ScenarioNode, sensor: SensorOfPlant) -> StampedTopic:
+def sensor_topic(node: ScenarioNode, sensor: SensorOfPlant) -> StampedTopic:
+    """A topic with the measurements of a sensor, in the message that it has for them."""
     topic = topics.sensor_topic(sensor.name, sensor.message)
     frame = "world" if sensor.message == "TwistStamped" else "body"
     return StampedTopic(node, topic, sensor.names, frame, partial(fill_fields, fields=sensor.fields))
-
-
-class PlantTopics:
-    """The publishers of a plant; `given`: the one for the estimator, or else the controller.
-
-    applied: the control from a step on; pushed: what users have added to the state of a step.
-    """
-
-    def __init__(
-        self, node: ScenarioNode, plant: Plant, disturbance: Composed, sensors: Sequence[SensorOfPlant]
-    ) -> None:
-        self._grid, self._disturbance = node.grid, disturbance
-        # Before the clock: a reference that has discovered the clock waits for the scenario, too.
-        self.scenario = node.advertise(topics.SCENARIO)
-        state = replace(topics.STATE, subscribers=()) if sensors else topics.STATE
-        self._state = state_topic(node, state, plant)
-        self.state = self._state.publisher
-        self._clock, self._clock_message = node.advertise(topics.CLOCK), Clock()
-        self.applied = StampedTopic(node, topics.APPLIED_COMMAND, plant.control_names)
-        acting = disturbance.names
-        self._acted = StampedTopic(node, topics.DISTURBANCE, acting) if acting else None
-        self.pushed = StampedTopic(node, topics.PUSHED, plant.state_names)
-        self.outcome = node.advertise(topics.OUTCOME)
-        self._sensors = [_of_sensor(node, sensor) for sensor in sensors]
-        self.given = self._sensors[-1].publisher if sensors else self.state
-
-    def publish_state(self, k: int, state: Array) -> None:
-        """State first: the controller works while the clock is sent."""
-        self._state.publish(k, state)
-        self._grid.set_stamp(self._clock_message.clock, k)
-        self._clock.publish(self._clock_message)
-        if self._acted is not None:
-            self._acted.publish(k, self._disturbance.acted(k, state))
-
-    def publish_readings(self, readings: Sequence[Reading]) -> None:
-        """The measurements that arrive now, each with the stamp of its own step."""
-        for reading in readings:
-            self._sensors[reading.sensor].publish(reading.step, reading.values)
