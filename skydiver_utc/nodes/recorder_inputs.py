@@ -14,18 +14,10 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.type_support import check_is_valid_msg_type
 
-from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.topics import EACH_STEP, Topic
 
 _DEPTH = 2 * EACH_STEP.depth  # the whole history of a publisher at once, and the messages during that
 _UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # of a publisher whose node is not discovered yet
-
-# Topics whose type depends on the plant and the settings; all others have the type of the table.
-_TYPES = {
-    topics.STATE: tuple(topics.STATE_TYPES.values()),
-    topics.ESTIMATE: tuple(topics.STATE_TYPES.values()),
-    topics.COMMAND: tuple(topics.COMMAND_TYPES.values()),
-}
 
 
 class RawMessage(NamedTuple):
@@ -48,10 +40,7 @@ class RecorderInput:
         self.count = 0  # messages written
         self._node = node
         self._handle: Any = None
-        types = _TYPES.get(topic, (topic.type,))
-        if topic.name.startswith(f"{topics.SENSORS}/"):
-            types = tuple(topics.SENSOR_TYPES.values())
-        self._types = {topic.of_type(each).type_name: each for each in types}
+        self._types = {topic.of_type(each).type_name: each for each in topic.types or (topic.type,)}
         self._reported: set[str] = set()
         self.subscribe()
 

@@ -64,6 +64,7 @@ class Topic:
     fewer_than_states: int | None = None  # a run of n states has n minus this; None: not one each step
     recorded: bool = True
     needed: bool = False  # a recorder waits for its publisher
+    types: tuple[Any, ...] = ()  # those that it may have, by plant and settings; empty: the one
 
     def of_type(self, message_type: Any) -> "Topic":
         """The same topic with another type of message."""
@@ -84,11 +85,16 @@ class Topic:
         return bool(self.qos.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL)
 
 
+STATE_TYPES = {"odometry": Odometry, "joint_state": JointState}  # by `Plant.state_message`
+COMMAND_TYPES = {"joint_state": JointState, "float64_multi_array": Float64MultiArray, "twist": Twist}
+SENSOR_TYPES = {kind.__name__: kind for kind in (Imu, MagneticField, FluidPressure, TwistStamped, JointState)}
+_STATES, _COMMANDS = tuple(STATE_TYPES.values()), tuple(COMMAND_TYPES.values())
+
 # In causal order within one step: messages of one instant are recorded in this order.
 SCENARIO = Topic("scenario", String, LATCHED)
 CLOCK = Topic("/clock", Clock, EACH_STEP, fewer_than_states=0, needed=True)
-STATE = Topic("state", Odometry, EACH_STEP, (CONTROLLER,), fewer_than_states=0, needed=True)
-ESTIMATE = Topic("estimate", Odometry, EACH_STEP, (CONTROLLER,), fewer_than_states=1)
+STATE = Topic("state", Odometry, EACH_STEP, (CONTROLLER,), fewer_than_states=0, needed=True, types=_STATES)
+ESTIMATE = Topic("estimate", Odometry, EACH_STEP, (CONTROLLER,), fewer_than_states=1, types=_STATES)
 ESTIMATOR_TELEMETRY = Topic("estimator/telemetry", JointState, EACH_STEP, fewer_than_states=1)
 DISTURBANCE = Topic("disturbance", JointState, EACH_STEP, fewer_than_states=0)
 PUSH = Topic("push", JointState, EACH_STEP, recorded=False)
@@ -97,7 +103,7 @@ STICK = Topic("stick", TwistStamped, EACH_AS_IT_COMES)
 REFERENCE_PREVIEW = Topic("reference", JointTrajectory, CHUNKS, needed=True)
 SETPOINT = Topic("reference/setpoint", JointState, EACH_STEP, fewer_than_states=0)
 CHANGES = Topic("changes", String, EACH_STEP)
-COMMAND = Topic("command", JointState, EACH_STEP, (PLANT,), fewer_than_states=1, needed=True)
+COMMAND = Topic("command", JointState, EACH_STEP, (PLANT,), fewer_than_states=1, needed=True, types=_COMMANDS)
 TELEMETRY = Topic("controller/telemetry", JointState, EACH_STEP, fewer_than_states=1)
 APPLIED_COMMAND = Topic("applied_command", JointState, EACH_STEP, fewer_than_states=1, needed=True)
 ROBOT_DESCRIPTION = Topic("robot_description", String, LATCHED)
@@ -117,12 +123,8 @@ RECORDED = tuple(topic for topic in TOPICS if topic.recorded)
 # Resets the plant to its initial state.
 RESET_SERVICE = f"{PLANT}/reset"
 
-STATE_TYPES = {"odometry": Odometry, "joint_state": JointState}  # by `Plant.state_message`
-COMMAND_TYPES = {"joint_state": JointState, "float64_multi_array": Float64MultiArray, "twist": Twist}
-SENSORS = "sensors"
-SENSOR_TYPES = {kind.__name__: kind for kind in (Imu, MagneticField, FluidPressure, TwistStamped, JointState)}
-
 
 def sensor_topic(name: str, message: str = "JointState") -> Topic:
     """The topic of a sensor, by its name and the type of its message."""
-    return Topic(f"{SENSORS}/{name}", SENSOR_TYPES[message], EACH_STEP, (ESTIMATOR,))
+    types = tuple(SENSOR_TYPES.values())
+    return Topic(f"sensors/{name}", SENSOR_TYPES[message], EACH_STEP, (ESTIMATOR,), types=types)
