@@ -77,30 +77,20 @@ def test_without_commands_it_goes_to_neutral_in_a_straight_line_and_a_new_comman
     assert not account.in_neutral
 
 
-class Clock:
-    """A clock that a test turns."""
-
-    def __init__(self) -> None:
-        self.now_ns = 10**9
-
-    def __call__(self) -> int:
-        return self.now_ns
-
-
 def paced(ticks_ns: list[int], steps: int = 100) -> tuple[RealTimePace, list[int]]:
     """Tick at these times after the first command; the clock reading of each step [ns]."""
-    clock, taken_at_ns = Clock(), []
+    now_ns, taken_at_ns = 10**9, []
 
     def step(_: np.ndarray) -> bool:
-        taken_at_ns.append(clock.now_ns - 10**9)
+        taken_at_ns.append(now_ns - 10**9)
         return len(taken_at_ns) < steps
 
-    pace = RealTimePace(CommandAccount(steps, **NEUTRAL), DT_NS, step, clock)
+    pace = RealTimePace(CommandAccount(steps, **NEUTRAL), DT_NS, step, lambda: now_ns)
     pace.tick()
     assert not pace.begun
     pace.account.receive(0, command(0))
     for tick_ns in ticks_ns:
-        clock.now_ns = 10**9 + tick_ns
+        now_ns = 10**9 + tick_ns
         pace.tick()
     return pace, taken_at_ns
 

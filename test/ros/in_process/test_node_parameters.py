@@ -11,6 +11,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from ros_fixtures import Ros
 
+from skydiver_utc.loop.tuned_scenario import plain
 from skydiver_utc.nodes.node import ScenarioNode
 
 pytest_plugins = ("ros_fixtures",)
@@ -21,30 +22,20 @@ class Client:
 
     def __init__(self, ros: Ros, node: ScenarioNode) -> None:
         self._ros = ros
-        partner = ros.partner("ros2_param")
-        self._client = AsyncParameterClient(partner, f"/skydiver/{node.get_name()}")
+        self._client = AsyncParameterClient(ros.partner("ros2_param"), f"/skydiver/{node.get_name()}")
         ros.spin_until(self._client.services_are_ready)
 
-    def _result(self, future: Any) -> Any:
+    def result(self, service: str, *arguments: Any) -> Any:
+        future = getattr(self._client, service)(*arguments)
         self._ros.spin_until(future.done)
         return future.result()
 
     def dump(self) -> dict[str, Any]:
         """Name and value of each parameter, as they come back from YAML."""
-        names = list(self._result(self._client.list_parameters()).result.names)
-        values = self._result(self._client.get_parameters(names)).values
-        found = dict(zip(names, map(parameter_value_to_python, values), strict=True))
-        as_lists = {
-            name: v if isinstance(v, str) or not hasattr(v, "__len__") else list(v)
-            for name, v in found.items()
-        }
-        loaded: dict[str, Any] = yaml.safe_load(yaml.safe_dump(as_lists))
-        return loaded
-
-    def load(self, values: dict[str, Any]) -> list[Any]:
-        """Set them, each on its own; the results in the same order."""
-        parameters = [Parameter(name, value=value) for name, value in values.items()]
-        return list(self._result(self._client.set_parameters(parameters)).results)
+        names = list(self.result("list_parameters").result.names)
+        values = map(parameter_value_to_python, self.result("get_parameters", names).values)
+        found = {name: plain(value) for name, value in zip(names, values, strict=True)}
+        return dict(yaml.safe_load(yaml.safe_dump(found)))
 
 
 @pytest.mark.parametrize("kind", ["plant", "reference", "controller", "recorder"])
@@ -68,6 +59,7 @@ def test_what_can_be_set_while_the_controller_runs_is_loaded(ros: Ros, tmp_path:
     dumped = client.dump()
     live = {name: value for name, value in dumped.items() if name.startswith(node.LIVE)}
     assert live
-    results = client.load({**live, "duration_s": 1.0})
+    given = [Parameter(name, value=value) for name, value in {**live, "duration_s": 1.0}.items()]
+    results = client.result("set_parameters", given).results
     assert [result.successful for result in results] == [True] * len(live) + [False]
     assert "duration_s" in results[-1].reason

@@ -57,14 +57,7 @@ def stage(ros: Ros, tmp_path: Path) -> Stage:
     return Stage(ros, tmp_path)
 
 
-def test_the_first_chunk_comes_before_the_clock_and_is_there_for_a_late_subscriber(stage: Stage) -> None:
-    assert stage.first_steps() == [0]
-    late = stage.ros.partner("late").receive(topics.REFERENCE_PREVIEW)
-    stage.ros.spin_until(lambda: late)
-    assert late[0] == stage.previews[0]
-
-
-def test_the_first_chunk_waits_for_a_plant_that_sends_its_clock_and_scenario(
+def test_the_first_chunk_waits_for_a_plant_that_sends_its_clock_and_scenario_and_not_for_subscribers(
     ros: Ros, tmp_path: Path
 ) -> None:
     """The controller begins with the first chunk, and with it the run."""
@@ -79,6 +72,10 @@ def test_the_first_chunk_waits_for_a_plant_that_sends_its_clock_and_scenario(
     assert not previews
     scenarios.publish(topics.SCENARIO.type(data=to_yaml(node.scenario)))
     ros.spin_until(lambda: previews)
+    late = ros.partner("late").receive(topics.REFERENCE_PREVIEW)
+    ros.spin_until(lambda: late)
+    assert late[0] == previews[0]
+    assert node.grid.step_of(late[0].header.stamp) == 0
 
 
 def test_each_step_has_its_setpoint_and_a_preview_that_covers_what_a_decision_takes(stage: Stage) -> None:

@@ -33,12 +33,17 @@ def bag(folder: Path) -> Path:
     return folder
 
 
+@pytest.fixture
+def texts(ros: Ros) -> list[str]:
+    """The texts that are played, from now on."""
+    received: list[str] = []
+    ros.partner().create_subscription(String, "/text", lambda message: received.append(message.data), EVERY)
+    return received
+
+
 def test_a_recording_is_played_and_rejected_messages_are_counted(
-    ros: Ros, domain: int, tmp_path: Path
+    ros: Ros, domain: int, tmp_path: Path, texts: list[str]
 ) -> None:
-    texts: list[str] = []
-    partner = ros.partner()
-    partner.create_subscription(String, "/text", lambda message: texts.append(message.data), EVERY)
     process = start("replay", bag(tmp_path / "bag"), "--rate", "2", ROS_DOMAIN_ID=domain)
     # Of what the player has sent, some is received after its end.
     ros.spin_until(lambda: process.poll() is not None and (process.returncode != 0 or len(texts) >= 30))
@@ -48,10 +53,7 @@ def test_a_recording_is_played_and_rejected_messages_are_counted(
     assert any("1 messages of /clock" in line for line in stderr.splitlines())
 
 
-def test_a_loop_is_ended_by_ctrl_c(ros: Ros, domain: int, tmp_path: Path) -> None:
-    texts: list[str] = []
-    partner = ros.partner()
-    partner.create_subscription(String, "/text", lambda message: texts.append(message.data), EVERY)
+def test_a_loop_is_ended_by_ctrl_c(ros: Ros, domain: int, tmp_path: Path, texts: list[str]) -> None:
     process = start(
         "replay", bag(tmp_path / "bag"), "--loop", "--rate", "5", "--topics", "/text", ROS_DOMAIN_ID=domain
     )
