@@ -16,7 +16,6 @@ from ros_fixtures import JOINT_STATE, Ros
 from std_srvs.srv import Trigger
 
 from skydiver_utc.loop.closed_loop import simulate
-from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.messages import read_named, read_outcome
 from skydiver_utc.nodes import topics
 from skydiver_utc.nodes.lifecycle import RefusedError
@@ -132,31 +131,6 @@ def test_a_run_that_pauses_goes_on_with_the_same_bits(ros: Ros, tmp_path: Path, 
         plant.grid.step_of(m.header.stamp): read_named(m, wanted.plant.state_names) for m in stage.states
     }
     assert np.array([by_step[i] for i in range(51)]).tobytes() == wanted.states.tobytes()
-
-
-@pytest.mark.parametrize("ending", [(SHUTDOWN_ACTIVE,), (DEACTIVATE, CLEANUP)])
-def test_a_command_of_a_pause_is_used_after_it_and_a_run_that_is_ended_is_aborted(
-    ros: Ros, tmp_path: Path, ending: tuple[int, ...]
-) -> None:
-    stage = Stage(ros, tmp_path, command_timeout_s=50.0)
-    plant = stage.add("plant")
-    partner = ros.partner("own_controller")
-    commands = partner.publisher(topics.COMMAND)
-    partner.receive(JOINT_STATE)
-    ros.spin_until(lambda: plant.k == 0)
-    manager = Manager(ros, "plant")
-    assert manager.transition(DEACTIVATE)
-    message = topics.COMMAND.type(name=["force", "brake"], position=[1.0, 0.0])
-    plant.grid.set_stamp(message.header.stamp, 0)
-    commands.publish(message)
-    commands.publish(message)
-    ros.spin_until(lambda: plant.refusals.counts["repeated"] == 1)
-    assert plant.k == 0
-    assert manager.transition(ACTIVATE)
-    assert plant.k == 1
-    assert all(manager.transition(number) for number in ending)
-    ros.spin_until(lambda: stage.outcomes)
-    assert read_outcome(stage.outcomes[0].data)["outcome"] == Outcome.ABORTED.value
 
 
 @pytest.mark.parametrize(

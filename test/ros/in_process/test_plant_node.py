@@ -139,6 +139,23 @@ def test_it_waits_for_the_recorder_where_asked_to(ros: Ros, tmp_path: Path) -> N
     stage.begin()
 
 
+@pytest.mark.parametrize("ending", [("shutdown",), ("deactivate", "cleanup")])
+def test_a_command_of_a_pause_is_used_after_it_and_a_run_that_is_ended_is_aborted(
+    stage: Stage, ending: tuple[str, ...]
+) -> None:
+    stage.begin()
+    stage.plant.trigger_deactivate()
+    for _ in range(2):
+        stage.send(0)
+    stage.ros.spin_until(lambda: stage.plant.refusals.counts["repeated"] == 1)
+    assert stage.plant.k == 0
+    stage.plant.trigger_activate()
+    assert stage.plant.k == 1
+    for transition in ending:
+        getattr(stage.plant, f"trigger_{transition}")()
+    assert stage.outcome()["outcome"] == "aborted"
+
+
 @pytest.mark.parametrize("begun", [False, True])
 def test_a_run_that_is_stopped_is_aborted_as_a_late_subscriber_is_told(stage: Stage, begun: bool) -> None:
     if begun:

@@ -3,7 +3,6 @@
 
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -48,14 +47,11 @@ class Stage:
                 kind, self.given | {"wait_for_recorder": True} | settings
             )
 
-    def until(self, condition: Callable[[], object]) -> None:
-        self.ros.spin_until(condition)
-
     def refuse_second(self, kind: str, topic: str) -> None:
         """A second node of a kind exits with one sentence that names what the first one publishes."""
-        self.until(lambda: self.spectator.count_publishers(f"/skydiver/{topic}"))
+        self.ros.spin_until(lambda: self.spectator.count_publishers(f"/skydiver/{topic}"))
         second = self._processes.start(kind, self.given)
-        self.until(lambda: second.ended)
+        self.ros.spin_until(lambda: second.ended)
         assert second.wait() == REFUSED
         last = second.output.splitlines()[-1]
         assert last.startswith(f"{kind}_node: ")
@@ -68,7 +64,7 @@ class Stage:
         def found() -> list[dict[str, Any]]:
             return [one for one in (read_outcome(m.data) for m in self.outcomes) if one["states"]]
 
-        self.until(found)
+        self.ros.spin_until(found)
         return found()[-1]
 
     def step_of(self, message: Any) -> int:
@@ -82,37 +78,33 @@ class Stage:
         return {self.step_of(m): read_named(m, ("position", "speed")) for m in states}
 
 
-@pytest.fixture
-def stage(ros: Ros, processes: Processes, tmp_path: Path) -> Stage:
-    return Stage(ros, processes, tmp_path)
-
-
 def test_second_nodes_are_refused_and_killed_ones_started_again_continue_or_begin_a_new_run(
-    stage: Stage,
+    ros: Ros, processes: Processes, tmp_path: Path
 ) -> None:
+    stage = Stage(ros, processes, tmp_path)
     stage.start("reference")
     stage.start("plant", command_timeout_s=0.3, command_retries=200)
     stage.refuse_second("plant", "state")
     stage.refuse_second("reference", "reference")
     stage.start("controller")
-    stage.until(lambda: len(stage.states) > 50)
+    stage.ros.spin_until(lambda: len(stage.states) > 50)
     stage.nodes["reference"].kill()
     stage.start("reference")
     killed_at = stage.reached()
     # More than what it had published ahead.
-    stage.until(lambda: stage.reached() > killed_at + 200)
+    stage.ros.spin_until(lambda: stage.reached() > killed_at + 200)
     stage.nodes["plant"].kill()
     first = list(stage.states)
     stage.start("plant", command_timeout_s=0.3, command_retries=200)
     # The last states of the first plant may still be on their way.
-    stage.until(lambda: any(stage.step_of(m) == 0 for m in stage.states[len(first) :]))
-    stage.until(lambda: stage.reached() > 50)
+    stage.ros.spin_until(lambda: any(stage.step_of(m) == 0 for m in stage.states[len(first) :]))
+    stage.ros.spin_until(lambda: stage.reached() > 50)
     stage.nodes["controller"].kill()
     stage.start("controller")
     found = stage.outcome()
     assert (found["outcome"], found["states"]) == ("completed", 2001)
     assert stage.nodes["plant"].wait() == 0
-    stage.until(lambda: stage.reached() == 2000)
+    stage.ros.spin_until(lambda: stage.reached() == 2000)
     stage.refuse_second("controller", "command")
 
     flown = simulate(load_scenario(stage.given["scenario"], {"duration_s": 20.0})).states
