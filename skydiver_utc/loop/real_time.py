@@ -66,10 +66,8 @@ class CommandAccount:
 
     def choose(self) -> Array:
         """The command (m,) in force over the next step."""
-        k = self.steps
+        self.on_time += self.newest >= self.steps - 1  # also at step 0, before any command
         self.steps += 1
-        if k == 0 or self.newest >= k - 1:
-            self.on_time += 1
         self.longest_silence = max(self.longest_silence, self.silence)
         if not self.in_neutral:
             return self._newest_command
