@@ -133,14 +133,14 @@ class RealTimePace:
     def as_dict(self) -> dict[str, object]:
         """The account of the commands, and how well the steps kept the time."""
         late_ms = np.array(self._lateness_ns or [0], dtype=np.int64) * 1e-6
-        elapsed_s = self._elapsed_ns() * 1e-9 if self.begun else 0.0
+        elapsed_s = max(1, self._elapsed_ns()) * 1e-9
         return {
             **self.account.as_dict(),
             "late_steps": self.late_steps,
             "lateness_ms_median": float(np.median(late_ms)),
             "lateness_ms_p99": float(np.percentile(late_ms, 99)),
             "lateness_ms_max": float(late_ms.max()),
-            "rate_Hz": self.account.steps / elapsed_s if elapsed_s else 0.0,
+            "rate_Hz": self.account.steps / elapsed_s,
         }
 
     def sentence(self) -> str:
