@@ -16,7 +16,7 @@ from skydiver_utc.parameters.scenario import Scenario, merged
 from skydiver_utc.parameters.yaml_io import (
     parse_yaml,
     read_yaml,
-    refuse_non_finite,
+    refuse_unfit,
     refuse_unresolved,
     values_in,
     write_yaml,
@@ -273,7 +273,7 @@ def _over_defaults(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _override(content: dict[str, Any], name: str, value: object) -> None:
-    refuse_non_finite({name: value}, "the override")
+    refuse_unfit({name: value}, "the override")
     place: Any = content
     part, rest = _entry(place, name, name)
     while rest:

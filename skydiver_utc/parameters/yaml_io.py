@@ -23,6 +23,8 @@ _SCALARS: dict[str, tuple[str, list[str]]] = {
     f"{_TAG}float": (rf"{_NUMBER}|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", list("-+.0123456789")),
     _MERGE: (r"<<", ["<"]),
 }
+# All of Unicode's but tab and newline, and those that turn the direction of a text: a terminal would obey them.
+_CONTROL = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u202a-\\u202e\\u2066-\\u2069]")
 # Bounds of a file with every alias written out; a resolved scenario has some thousand values, six blocks deep.
 _MOST_VALUES, _DEEPEST = 200_000, 100
 _LONGEST = 4_000_000  # characters of a resolved scenario, which has some ten thousand
@@ -120,7 +122,7 @@ def parse_yaml(text: str, origin: str) -> dict[str, Any]:
 
 
 def load_yaml(text: str, origin: str) -> Any:
-    """The values in a YAML text; a number that is not finite, and too much of anything, raise `ParameterError`."""
+    """The values in a YAML text; what `refuse_unfit` refuses raises `ParameterError`."""
     try:
         content = yaml.load(text, Loader=_StrictLoader)
     except ParameterError as error:
@@ -128,7 +130,7 @@ def load_yaml(text: str, origin: str) -> Any:
     except _NO_YAML as error:
         sentence = " ".join(str(error).split())
         raise ParameterError(f"{origin} is not valid YAML: {sentence}") from error
-    refuse_non_finite(content, origin)
+    refuse_unfit(content, origin)
     return content
 
 
@@ -146,13 +148,18 @@ def refuse_unresolved(text: str, origin: str) -> None:
         raise ParameterError(f"{origin} has YAML aliases: write its values out")
 
 
-def refuse_non_finite(value: Any, origin: str) -> None:
-    """Raise if numbers in `value` are NaN or infinite, or if it is too large."""
+def refuse_unfit(value: Any, origin: str) -> None:
+    """Raise for numbers that are not finite, texts with control characters, and too much of anything."""
     wrong = []
     for count, (path, item) in enumerate(values_in(value)):
+        reason = ""
         if isinstance(item, float) and not math.isfinite(item):
+            reason = f"is {item}: write a finite number"
+        elif any(isinstance(part, str) and _CONTROL.search(part) for part in (item, *path[-1:])):
+            reason = "holds a control character: take it out"
+        if reason:
             place = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path)
-            wrong.append(f"{place.removeprefix('.')} in {origin} is {item}: write a finite number")
+            wrong.append(f"{_CONTROL.sub('?', place).removeprefix('.')} in {origin} {reason}")
         if count > _MOST_VALUES or len(path) > _DEEPEST:
             raise ParameterError(f"{origin} has too many values, or blocks within blocks: write less into it")
     if wrong:

@@ -59,7 +59,7 @@ class LivePage(Page):
         value: Any = leaf.value
         if leaf.choices:
             handle: Any = gui.add_dropdown(words, leaf.choices, initial_value=value, hint=hint)
-        elif leaf.kind == "bool":
+        elif isinstance(value, bool):
             handle = gui.add_checkbox(words, value, hint=hint)
         elif (span := slider_range(leaf)) is not None:
             handle = gui.add_slider(words, *span, value, hint=hint)
@@ -120,8 +120,7 @@ def settings_to_change(scenario: Scenario) -> Iterator[Leaf]:
         if leaf.name.startswith(("reference.", "controller.")):
             if isinstance(leaf.value, tuple):
                 for i, value in enumerate(leaf.value):
-                    kind = "int" if isinstance(value, int) else "float"
-                    yield leaf._replace(name=f"{leaf.name}.{i}", value=value, kind=kind)  # type: ignore[arg-type]
+                    yield leaf._replace(name=f"{leaf.name}.{i}", value=value)
             else:
                 yield leaf
 
@@ -141,7 +140,7 @@ def slider_range(leaf: Leaf) -> tuple[float, float, float] | None:
         low, high = max(low, -_FACTOR * abs(value)), min(high, _FACTOR * abs(value))
     else:
         low, high = max(low, _SHARE * value), min(high, _FACTOR * value)
-    if leaf.kind == "int":
+    if isinstance(leaf.value, int):
         return int(max(low, min(value, 1.0))), int(high), 1
     return low, high, (high - low) / _STEPS
 

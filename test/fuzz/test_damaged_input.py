@@ -121,9 +121,7 @@ def test_scenario_texts(data: bytes) -> None:
     with bounded(ParameterError):
         found = from_yaml(data.decode(errors="replace"))
         assert from_yaml(to_yaml(found)) == found
-        assert all(
-            np.isfinite(leaf.value).all() for leaf in leaves(found) if leaf.kind in ("float", "int", "floats")
-        )
+        assert all(np.isfinite(leaf.value).all() for leaf in leaves(found) if not isinstance(leaf.value, str))
 
 
 @fuzzed(

@@ -23,7 +23,7 @@ NODES = tuple(path.stem for path in (PACKAGE / "nodes").glob("*_node.py"))
 # Libraries by another name than their distribution, or that come with another one.
 DISTRIBUTIONS = {
     "yaml": "pyyaml",
-    **dict.fromkeys(("pydantic_core", "annotated_types", "typing_extensions"), "pydantic"),
+    **dict.fromkeys(("pydantic_core", "typing_extensions"), "pydantic"),
 }
 
 

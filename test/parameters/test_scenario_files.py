@@ -8,7 +8,7 @@ from refusals import assert_refused
 
 from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, to_yaml
 from skydiver_utc.parameters.loading import config_folder
-from skydiver_utc.parameters.yaml_io import number, parse_yaml, refuse_non_finite, write_yaml
+from skydiver_utc.parameters.yaml_io import number, parse_yaml, refuse_unfit, write_yaml
 
 FAST = "fast_turn_unknown_dynamics"
 POSTURE = (config_folder() / "postures" / "box.yaml").read_text()
@@ -87,12 +87,12 @@ def test_yaml_that_is_too_much_is_refused_at_once(text: str) -> None:
 
 def test_yaml_has_bounds_and_its_faults_a_place() -> None:
     parse_yaml("a: " + 99 * "[" + "1" + 99 * "]", "it")
-    refuse_non_finite([1] * 200_000, "it")
+    refuse_unfit([1] * 200_000, "it")
     for wrong, words in {"a: [1, {b: .inf}]": r"a\[1\]\.b in it is inf", "\nx:\n  <<: 3": "line 3"}.items():
         with pytest.raises(ParameterError, match=words):
             parse_yaml(wrong, "it")
     with pytest.raises(ParameterError, match="too many"):
-        refuse_non_finite([1] * 200_001, "it")
+        refuse_unfit([1] * 200_001, "it")
     deep: list[object] = []
     for _ in range(3000):
         deep = [deep]

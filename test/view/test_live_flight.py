@@ -134,7 +134,7 @@ def test_each_number_of_a_setting_has_a_range_that_it_may_take():
         "controller.coupling.k_left",
     } <= names
     for leaf in leaves:
-        if leaf.kind in ("int", "float") and (span := slider_range(leaf)) is not None:
+        if type(leaf.value) in (int, float) and (span := slider_range(leaf)) is not None:
             low, high, step = span
             assert low <= leaf.value <= high, leaf
             assert leaf.minimum is None or leaf.minimum <= low, leaf
