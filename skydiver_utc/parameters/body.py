@@ -37,13 +37,16 @@ class SegmentData(Parameters):
     gyration_long: Fraction
 
 
-class SegmentTable(Parameters):
-    """Segment parameters of a population, for bilateral segments one entry serves both sides."""
-
+class _OfReferenceSubject(Parameters):
     name: str
     source: str
     reference_mass_kg: Annotated[float, quantity("kg", "mass of the reference subject", gt=0, le=200)]
     reference_height_m: Annotated[float, quantity("m", "height of the reference subject", gt=0, le=2.5)]
+
+
+class SegmentTable(_OfReferenceSubject):
+    """Segment parameters of a population, for bilateral segments one entry serves both sides."""
+
     shoulder_to_hip_mm: Millimetres
     shoulder_offset_mm: Annotated[
         float, quantity("mm", "shoulder joint centre from the midline", gt=0, le=400)
@@ -53,13 +56,9 @@ class SegmentTable(Parameters):
     segments: dict[str, SegmentData]
 
 
-class Suit(Parameters):
+class Suit(_OfReferenceSubject):
     """Drag areas of the dressed segments of a reference subject: front, side and axial."""
 
-    name: str
-    source: str
-    reference_mass_kg: Annotated[float, quantity("kg", "mass of the reference subject", gt=0, le=200)]
-    reference_height_m: Annotated[float, quantity("m", "height of the reference subject", gt=0, le=2.5)]
     drag_areas_m2: dict[str, tuple[Area, Area, Area]]
 
 

@@ -4,7 +4,6 @@
 import difflib
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import islice
 from typing import Any, NamedTuple, TypeVar, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -23,10 +22,6 @@ _EXPECTED = {
     "less_than": "less than {lt:g}",
     "less_than_equal": "at most {le:g}",
     "int_type": "a whole number",
-    "int_parsing": "a whole number",
-    "int_from_float": "a whole number",
-    "float_parsing": "a number",
-    "bool_parsing": "true or false",
     "model_type": "a block of named values",
     "dict_type": "a block of named values",
     "tuple_type": "a list",
@@ -89,10 +84,10 @@ def _model(slot: str, block: Any) -> type[BaseModel] | None:
 
 def checked(model: type[_Settings], content: Mapping[str, Any]) -> _Settings:
     """Settings of a class from plain data; raises `ParameterError` that names every wrong field."""
-    try:
-        return model.model_validate(content)
-    except ValidationError as error:
-        raise ParameterError("; ".join(field_errors(error, content, model)[:_MOST_SHOWN])) from error
+    errors: list[str] = []
+    if (found := _validated(model, content, "", errors)) is None:
+        raise ParameterError("; ".join(errors[:_MOST_SHOWN]))
+    return found
 
 
 def slot_settings(slot: str, name: str, block: Any, errors: list[str]) -> Any:
@@ -111,16 +106,18 @@ def slot_settings(slot: str, name: str, block: Any, errors: list[str]) -> Any:
     except ParameterError as error:
         errors.append(f"parameter {name}.kind: {error}")
         return None
+    return _validated(model, block, f"{name}.", errors)
+
+
+def _validated(
+    model: type[_Settings], block: Mapping[str, Any], prefix: str, errors: list[str]
+) -> _Settings | None:
+    """The settings of a block whose dotted names begin with the prefix; None where `errors` got a clause."""
     try:
         return model.model_validate(block)
     except ValidationError as error:
-        errors += field_errors(error, block, model, f"{name}.")
+        errors += _clauses(error.errors(), prefix, block, list(_field_names(model)))
         return None
-
-
-def field_errors(error: ValidationError, block: Any, model: type[BaseModel], prefix: str = "") -> list[str]:
-    """One clause for each wrong field of a block, whose dotted names begin with the prefix."""
-    return _clauses(error.errors(), prefix, block, list(_field_names(model)))
 
 
 def _clauses(errors: Iterable[ErrorDetails], prefix: str, block: Any, known: list[str]) -> list[str]:
@@ -129,10 +126,10 @@ def _clauses(errors: Iterable[ErrorDetails], prefix: str, block: Any, known: lis
     for error in errors:
         first.setdefault(".".join(_place(error, block)), error)
     # A text from anywhere may have very many: only those are put into words that can be shown.
-    shown = islice(first.items(), _MOST_SHOWN)
-    return [_clause(error, place, prefix, known) for place, error in shown] + [""] * (
-        len(first) - _MOST_SHOWN
-    )
+    return [
+        _clause(error, place, prefix, known) if i < _MOST_SHOWN else ""
+        for i, (place, error) in enumerate(first.items())
+    ]
 
 
 def _clause(error: ErrorDetails, place: str, prefix: str, known: list[str]) -> str:

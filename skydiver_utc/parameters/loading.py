@@ -4,6 +4,7 @@
 import os
 import sys
 from collections.abc import Mapping
+from os.path import isfile
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -103,13 +104,14 @@ def from_yaml(text: str) -> Scenario:
 def _read_extended(path: Path, seen: Chain = ()) -> dict[str, Any]:
     """The file's content laid over that of the file that it extends, the paths in both made absolute."""
     seen = _longer(seen, path)
-    content = _with_table(_with_absolute_paths(read_yaml(path), path.parent), path.parent)
+    content = _with_table(read_yaml(path), path.parent)
+    content |= {name: _absolute(content[name], path.parent) for name in _OF_A_PLANT if name in content}
     parent = content.pop("extends", None)
     if parent is None:
         return content
     name = str(parent) if str(parent).endswith(_ENDINGS) else f"{parent}.yaml"
     folders = (path.parent, config_folder() / "scenarios")
-    parent_path = next((folder / name for folder in folders if _is_file(folder / name)), None)
+    parent_path = next(filter(isfile, (folder / name for folder in folders)), None)
     if parent_path is None:
         raise ParameterError(
             f"{path} extends {parent!r}, which is neither beside it nor comes with the package"
@@ -126,19 +128,6 @@ def _longer(seen: Chain, path: Path) -> Chain:
     return (*seen, path.resolve())
 
 
-def _is_file(path: Path) -> bool:
-    """True for a file; a name that no file can have is none."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
-
-
-def _with_absolute_paths(content: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The paths to files of a plant, which count from this folder, made absolute."""
-    return content | {name: _absolute(content[name], folder) for name in _OF_A_PLANT if name in content}
-
-
 def _absolute(value: Any, folder: Path, field: str = "") -> Any:
     if isinstance(value, dict):
         return {key: _absolute(item, folder, key) for key, item in value.items()}
@@ -150,11 +139,9 @@ def _absolute(value: Any, folder: Path, field: str = "") -> Any:
 
 def _with_table(content: dict[str, Any], beside: Path = Path()) -> dict[str, Any]:
     """The content with the CSV file that its reference names read in; the path counts from the folder `beside`."""
-    return (
-        {**content, "reference": _read_table(content["reference"], beside)}
-        if "reference" in content
-        else content
-    )
+    if "reference" not in content:
+        return content
+    return content | {"reference": _read_table(content["reference"], beside)}
 
 
 def _read_table(block: Any, beside: Path) -> Any:
@@ -179,31 +166,24 @@ def _resolve_plant(content: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(plant, dict) or ":" in str(plant.get("kind")):
         return content
     blocks = {name: content[name] for name in _OF_A_PLANT if isinstance(content.get(name), dict)}
-    return content | {name: _resolve_names(block) for name, block in blocks.items()}
+    return content | {name: _resolved(block) for name, block in blocks.items()}
 
 
-def _resolve_names(content: dict[str, Any], beside: Path = Path(), seen: Chain = ()) -> dict[str, Any]:
-    """Replace the name of a subject, suit, posture, ... by what its file holds, at any depth.
+def _resolved(value: Any, seen: Chain = (), field: str = "") -> Any:
+    """The value with what its file holds for each name of a subject, suit, posture, ..., at any depth.
 
-    A path in a file counts from that file's folder, `beside`. A file that cannot be read gives an `Unresolved`.
+    A file that cannot be read gives an `Unresolved`.
     """
-    resolved: dict[str, Any] = {}
-    for key, value in content.items():
-        folder, chain = beside, seen
-        if key in _NAMED and isinstance(value, str):
-            try:
-                path = named_path(key, value, beside)
-                value, folder = read_yaml(path), path.parent
-            except ParameterError as error:
-                value = Unresolved(str(error))
-            else:
-                chain = _longer(seen, path)
-        if isinstance(value, list):
-            value = [
-                _resolve_names(item, folder, chain) if isinstance(item, dict) else item for item in value
-            ]
-        resolved[key] = _resolve_names(value, folder, chain) if isinstance(value, dict) else value
-    return resolved
+    if field in _NAMED and isinstance(value, str):
+        try:
+            path = named_path(field, value)
+            value = _absolute(read_yaml(path), path.parent)
+        except ParameterError as error:
+            return Unresolved(str(error))
+        seen = _longer(seen, path)
+    if isinstance(value, dict):
+        return {key: _resolved(item, seen, key) for key, item in value.items()}
+    return [_resolved(item, seen) for item in value] if isinstance(value, list) else value
 
 
 def load_named(settings: type[_Settings], field: str, name_or_path: str) -> _Settings:
@@ -214,14 +194,13 @@ def load_named(settings: type[_Settings], field: str, name_or_path: str) -> _Set
         raise ParameterError(f"{error} ({field.replace('_', ' ')} {name_or_path})") from error
 
 
-def named_path(field: str, name: str, beside: Path = Path()) -> Path:
+def named_path(field: str, name: str) -> Path:
     """The file of a scenario, subject, suit, ...: one that comes with the package, or any by its path."""
     words = field.replace("_", " ")
     if name.endswith(_ENDINGS):
-        path = beside / name
-        if not _is_file(path):
-            raise ParameterError(f"there is no {words} file {path}: check the path")
-        return path
+        if not isfile(name):
+            raise ParameterError(f"there is no {words} file {name}: check the path")
+        return Path(name)
     folder = config_folder() / _FOLDERS.get(field, f"{field}s")
     if name not in (known := _names_in(folder)):
         advice = hint(name, known, f"choose one of {', '.join(known)}, or give the path of a YAML file")
@@ -263,8 +242,8 @@ def _over_defaults(content: dict[str, Any]) -> dict[str, Any]:
             continue
         kind, own = block.get("kind"), dict(block)
         path = config_folder() / f"{slot}s" / f"{kind}.yaml"
-        if isinstance(kind, str) and kind.isidentifier() and _is_file(path):
-            defaults = _resolve_names(read_yaml(path))
+        if isinstance(kind, str) and kind.isidentifier() and isfile(path):
+            defaults = _resolved(read_yaml(path))
             skydiver = defaults.pop("skydiver", {})
             if isinstance(own.get("skydiver"), dict):
                 skydiver = own.pop("skydiver")

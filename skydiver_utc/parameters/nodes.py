@@ -148,7 +148,11 @@ def resolve(kind: str, given: Mapping[str, object]) -> Resolved:
     given = _not_of_rclpy(given)
     settings = checked(model, {name: value for name, value in given.items() if name in model.model_fields})
     changes = {name: value for name, value in given.items() if name not in model.model_fields}
-    _refuse_unknown(changes, model)
+    for name in changes:
+        if name.partition(".")[0] not in Scenario.model_fields:  # `load_scenario` checks the rest
+            known = [*model.model_fields, *Scenario.model_fields]
+            advice = hint(name, known, "take it out, or see --help for the names")
+            raise ParameterError(f"unknown parameter {name}: {advice}")
     return Resolved(settings, load_scenario(settings.scenario, changes), changes)
 
 
@@ -168,38 +172,24 @@ def scalars(settings: NodeSettings, scenario: Scenario) -> dict[str, object]:
     return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
 
 
-def _refuse_unknown(names: Mapping[str, object], model: type[NodeSettings]) -> None:
-    """Refuse names whose first part no scenario has; `load_scenario` checks the rest."""
-    for name in names:
-        if name.partition(".")[0] not in Scenario.model_fields:
-            known = [*model.model_fields, *Scenario.model_fields]
-            advice = hint(name, known, "take it out, or see --help for the names")
-            raise ParameterError(f"unknown parameter {name}: {advice}")
-
-
-_OF_SCENARIO = (
-    "",
-    "Every scalar of the scenario can be given, too, by its dotted name, such as controller.horizon_steps.",
-)
-
-
 def usage(kind: str) -> str:
     """The text of `<kind>_node --help`."""
     model = SETTINGS[kind]
-    fields = model.model_fields
-    width = max(map(len, fields))
-    rows = [f"  {name:{width}}  {_default(field)}  {field.description}" for name, field in fields.items()]
-    return "\n".join(
-        [
-            f"usage: {kind}_node [--ros-args -p NAME:=VALUE ... --params-file FILE ...]",
-            "",
-            (model.__doc__ or "").strip(),
-            "",
-            "parameters:",
-            *rows,
-            *(_OF_SCENARIO if "scenario" in fields else ()),
-        ]
-    )
+    width = max(map(len, model.model_fields))
+    lines = [
+        f"usage: {kind}_node [--ros-args -p NAME:=VALUE ... --params-file FILE ...]\n",
+        f"{(model.__doc__ or '').strip()}\n",
+        "parameters:",
+        *(
+            f"  {name:{width}}  {_default(field)}  {field.description}"
+            for name, field in model.model_fields.items()
+        ),
+    ]
+    if "scenario" in model.model_fields:
+        lines.append(
+            "\nEvery scalar of the scenario can be given, too, by its dotted name, such as controller.horizon_steps."
+        )
+    return "\n".join(lines)
 
 
 def _default(field: Any) -> str:

@@ -18,14 +18,14 @@ from skydiver_utc.parameters.fields import SlotSettings
 
 
 class Kind(NamedTuple):
-    """The settings and the class of a kind, each as `module:Name`; loaded when they are needed."""
+    """The class of a kind, and its settings where they are not its nested class; `module:Name`, loaded when needed."""
 
-    settings: str
     factory: str
+    settings: str = ""
 
 
 _REFERENCES = "skydiver_utc.references"
-_SETTINGS, _PLANTS = "skydiver_utc.parameters", "skydiver_utc.plants"
+_PLANTS = "skydiver_utc.plants"
 _ESTIMATORS = "skydiver_utc.estimators"
 _CONTROLLERS = "skydiver_utc.controllers"
 _RIVALS = f"{_CONTROLLERS}.settings"
@@ -58,45 +58,45 @@ _CURVES = {
 KINDS: Mapping[str, Mapping[str, Kind]] = {
     "plant": {
         "skydiver": Kind(
-            f"{_SETTINGS}.skydiver:SkydiverSettings", f"{_PLANTS}.skydiver.skydiver:SkydiverPlant"
+            f"{_PLANTS}.skydiver.skydiver:SkydiverPlant",
+            "skydiver_utc.parameters.skydiver:SkydiverSettings",
         ),
-        "linear": Kind(f"{_PLANTS}.linear:LinearPlant.Settings", f"{_PLANTS}.linear:LinearPlant"),
+        "linear": Kind(f"{_PLANTS}.linear:LinearPlant"),
     },
     "reference": {
-        **{kind: Kind(f"{_REFERENCES}.{place}", _CURVE) for kind, place in _CURVES.items()},
-        "combined": Kind(f"{_REFERENCES}.combined:Combined.Settings", f"{_REFERENCES}.combined:Combined"),
-        "live": Kind(f"{_REFERENCES}.live:Live.Settings", f"{_REFERENCES}.live:Live"),
+        **{kind: Kind(_CURVE, f"{_REFERENCES}.{place}") for kind, place in _CURVES.items()},
+        "combined": Kind(f"{_REFERENCES}.combined:Combined"),
+        "live": Kind(f"{_REFERENCES}.live:Live"),
     },
     "controller": {
-        "open_loop": Kind(f"{_RIVALS}:OpenLoopSettings", f"{_CONTROLLERS}.open_loop:OpenLoop"),
-        "pose": Kind(f"{_RIVALS}:PoseSettings", f"{_CONTROLLERS}.pose:PoseController"),
+        "open_loop": Kind(f"{_CONTROLLERS}.open_loop:OpenLoop", f"{_RIVALS}:OpenLoopSettings"),
+        "pose": Kind(f"{_CONTROLLERS}.pose:PoseController", f"{_RIVALS}:PoseSettings"),
         "utc": Kind(
-            f"{_CONTROLLERS}.utc.settings:UtcSettings",
             f"{_CONTROLLERS}.utc.unscented_transform_controller:UnscentedTransformController",
+            f"{_CONTROLLERS}.utc.settings:UtcSettings",
         ),
-        "lqr": Kind(f"{_RIVALS}:LqrSettings", f"{_CONTROLLERS}.linear_quadratic:LinearQuadraticController"),
+        "lqr": Kind(f"{_CONTROLLERS}.linear_quadratic:LinearQuadraticController", f"{_RIVALS}:LqrSettings"),
         "gauss_newton": Kind(
-            f"{_RIVALS}:GaussNewtonSettings", f"{_CONTROLLERS}.gauss_newton:GaussNewtonController"
+            f"{_CONTROLLERS}.gauss_newton:GaussNewtonController", f"{_RIVALS}:GaussNewtonSettings"
         ),
-        "mppi": Kind(f"{_RIVALS}:MppiSettings", f"{_CONTROLLERS}.path_integral:PathIntegralController"),
+        "mppi": Kind(f"{_CONTROLLERS}.path_integral:PathIntegralController", f"{_RIVALS}:MppiSettings"),
     },
     "estimator": {
-        "true_state": Kind(
-            f"{_ESTIMATORS}.true_state:TrueState.Settings", f"{_ESTIMATORS}.true_state:TrueState"
-        ),
+        "true_state": Kind(f"{_ESTIMATORS}.true_state:TrueState"),
         "unscented_kalman_filter": Kind(
-            f"{_ESTIMATORS}.settings:UnscentedKalmanFilterSettings",
             f"{_ESTIMATORS}.unscented_kalman_filter:UnscentedKalmanFilter",
+            f"{_ESTIMATORS}.settings:UnscentedKalmanFilterSettings",
         ),
     },
-    "disturbance": {kind: Kind(f"{place}.Settings", place) for kind, place in _DISTURBANCES.items()},
+    "disturbance": {kind: Kind(place) for kind, place in _DISTURBANCES.items()},
 }
 
 
 def settings_class(slot: str, kind: str) -> type[SlotSettings]:
     """The class of a kind's settings; `ParameterError` for an unknown kind, as in `factory`."""
     known = KINDS[slot].get(kind)
-    found = _load(known.settings) if known else getattr(factory(slot, kind), "Settings", None)
+    own = known.settings if known else ""
+    found = _load(own) if own else getattr(factory(slot, kind), "Settings", None)
     if not (isinstance(found, type) and issubclass(found, SlotSettings)):
         raise ParameterError(f"{kind} has no settings: write a class Settings(SlotSettings) inside it")
     return found
