@@ -58,7 +58,7 @@ def our_turn(scenario: Scenario) -> Turn:
         if found["outcome"] != "completed":
             raise click.ClickException(f"the flight ended with {found['outcome']}: {found['reason']}")
         recorded = read_bag(Path(folder) / BAG, (_STATE, _TELEMETRY))
-        telemetry = recorded[_TELEMETRY].messages
+        telemetry = recorded[_TELEMETRY].readable
         solve_time = telemetry[0].name.index("solve_time")
         solves_s = np.array([message.position[solve_time] for message in telemetry])
         return Turn(np.diff(recorded[_STATE].publish_times_ns) * 1e-9, solves_s)

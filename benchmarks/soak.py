@@ -74,7 +74,7 @@ def flight(scenario: Scenario, mode: str) -> dict[str, Any]:
 def diagnosed(bag: Path, key: str) -> dict[str, list[float]]:
     """A number that each node published of itself, once a second."""
     said: dict[str, list[float]] = {}
-    for message in read_bag(bag, [DIAGNOSTICS])[DIAGNOSTICS].messages:
+    for message in read_bag(bag, [DIAGNOSTICS])[DIAGNOSTICS].readable:
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
             said.setdefault(status.name, []).append(float(values[key]))

@@ -2,7 +2,7 @@
 """Messages into an open MCAP file, with the counts and times that `metadata.yaml` needs."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import BinaryIO, NamedTuple
 
 from mcap.records import Attachment, McapRecord, Metadata
@@ -39,8 +39,8 @@ class StoredTopic:
     definition: Definition
     encoding: str
     metadata: Mapping[str, str]
-    message_count: int = 0
-    mcap_channel: int = 0  # from 1, 0 before it is in the file
+    message_count: int = field(default=0, compare=False)
+    mcap_channel: int = field(default=0, compare=False)  # from 1, 0 before it is in the file
 
 
 class McapFile:
@@ -60,8 +60,13 @@ class McapFile:
     def write(self, messages: Iterable[QueuedMessage]) -> None:
         """Write messages and flush; topics without messages are written too, for recovery."""
         self._register_topics()
-        for message in messages:
-            self._write_message(self.topics[message.channel_id - 1], message)
+        for channel_id, cdr, log_time_ns, publish_time_ns in messages:
+            topic = self.topics[channel_id - 1]
+            self._writer.add_message(
+                topic.mcap_channel, log_time_ns, cdr, publish_time_ns, topic.message_count
+            )
+            topic.message_count += 1
+            self.log_span_ns = span_with(self.log_span_ns, log_time_ns)
         self._writer.flush()
 
     def add_record(self, record: McapRecord) -> None:
@@ -76,18 +81,6 @@ class McapFile:
     def finish(self) -> None:
         """Write the index and the footer."""
         self._writer.finish()
-
-    def _write_message(self, topic: StoredTopic, message: QueuedMessage) -> None:
-        log_time = message.log_time_ns
-        self._writer.add_message(
-            topic.mcap_channel,
-            log_time=log_time,
-            data=message.cdr,
-            publish_time=message.publish_time_ns,
-            sequence=topic.message_count,
-        )
-        topic.message_count += 1
-        self.log_span_ns = span_with(self.log_span_ns, log_time)
 
     def _register_topics(self) -> None:
         for topic in self.topics:

@@ -54,22 +54,6 @@ class RecordedTopic:
         """Publish times (n,)."""
         return np.array([publish for _, publish in self.times_ns], dtype=np.int64)
 
-    @property
-    def messages(self) -> list[Any]:
-        """The deserialized messages; bytes that do not fit the type raise `RecordingError`."""
-        messages, error = self._decoded
-        if error is not None:
-            raise RecordingError(
-                f"The messages of {self.name} do not fit the definition of {self.type_name} in the bag"
-                f" ({error}): leave this topic out, or record again."
-            ) from error
-        return messages
-
-    @property
-    def readable(self) -> list[Any | None]:
-        """The deserialized messages, None for each whose bytes do not fit the type."""
-        return self._decoded[0]
-
     def add(self, cdr: bytes, log_time: int, publish_time: int, place: int) -> None:
         """Take in a message, or count it as left out."""
         try:
@@ -83,30 +67,28 @@ class RecordedTopic:
         self.places.append(place)
 
     @cached_property
-    def _decoded(self) -> tuple[list[Any | None], Exception | None]:
-        """The messages and the first error."""
+    def readable(self) -> list[Any | None]:
+        """The deserialized messages, None for each whose bytes do not fit the type."""
         try:
             decode = _decoder(self.type_name, self.definition)
-        except _UNREADABLE as error:
-            return [None] * len(self.cdr), error
-        found: list[Any | None] = []
-        first: Exception | None = None
-        for cdr in self.cdr:
-            try:
-                found.append(decode(cdr))
-            except _UNREADABLE as error:
-                found.append(None)
-                first = first or error
-        return found, first
+        except _UNREADABLE:
+            return [None] * len(self.cdr)
+        return [_or_none(decode, cdr) for cdr in self.cdr]
 
 
-def read_bag(path: Path | str, topics: Iterable[str] | None = None) -> dict[str, RecordedTopic]:
+def _or_none(decode: Callable[[bytes], Any], cdr: bytes) -> Any | None:
+    try:
+        return decode(cdr)
+    except _UNREADABLE:
+        return None
+
+
+def read_bag(path: Path, topics: Iterable[str] | None = None) -> dict[str, RecordedTopic]:
     """The recorded topics by name, all of them or those given.
 
-    `path` is a bag folder or an .mcap file. Messages are deserialized at the first use of `RecordedTopic.messages`.
+    `path` is a bag folder or an .mcap file. Messages are deserialized at the first use of `RecordedTopic.readable`.
     An unfinished or damaged bag, one without messages, and a topic that is not in the bag raise `RecordingError`.
     """
-    path = Path(path)
     contents = _Contents(None if topics is None else set(topics))
     for file in bag_files(path):
         contents.add(file)

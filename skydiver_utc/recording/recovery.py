@@ -56,15 +56,6 @@ class Survey:
         return sum(self.counts.values())
 
 
-class _Topic(NamedTuple):
-    """The topic of a channel in a file."""
-
-    name: str
-    definition: Definition
-    encoding: str
-    metadata: tuple[tuple[str, str], ...]
-
-
 def survey(path: Path) -> Survey:
     """Read a bag folder or an .mcap file from end to end; writes nothing."""
     found = Survey(path)
@@ -93,9 +84,8 @@ def recover(path: Path, folder: Path, beside: dict[str, str] | None = None) -> S
         with (draft / name).open("xb") as stream:
             mcap = McapFile(stream)
             mcap.start()
-            places: dict[_Topic, int] = {}
             for file in bag_files(path):
-                mcap.write(_copied(file, mcap, _add_topics(file, mcap, places)))
+                mcap.write(_copied(file, mcap, _places(file, mcap)))
             mcap.finish()
         write_file(
             draft / METADATA_FILE,
@@ -106,14 +96,13 @@ def recover(path: Path, folder: Path, beside: dict[str, str] | None = None) -> S
     return found
 
 
-def _add_topics(file: Path, mcap: McapFile, places: dict[_Topic, int]) -> dict[int, int]:
-    """Add the topics of a file that have no place yet; returns the place of each of its channels."""
+def _places(file: Path, mcap: McapFile) -> dict[int, int]:
+    """Add the topics of a file that are not there yet; returns the place of each of its channels."""
     topics = _topics(file)
     for topic in topics.values():
-        if topic not in places:
-            mcap.topics.append(StoredTopic(*topic[:3], dict(topic.metadata)))
-            places[topic] = len(mcap.topics)
-    return {channel_id: places[topic] for channel_id, topic in topics.items()}
+        if topic not in mcap.topics:
+            mcap.topics.append(topic)
+    return {channel_id: mcap.topics.index(topic) + 1 for channel_id, topic in topics.items()}
 
 
 def _copied(file: Path, mcap: McapFile, places: dict[int, int]) -> Iterator[QueuedMessage]:
@@ -181,7 +170,7 @@ def _survey_file(file: Path, found: Survey) -> None:
         found.lost_messages += counted - count
 
 
-def _topics(file: Path) -> dict[int, _Topic]:
+def _topics(file: Path) -> dict[int, StoredTopic]:
     """Topics by channel id, each from its first record, which is in a chunk and so has a checksum."""
     schemas: dict[int, Schema | None] = {0: None}
     channels: dict[int, Channel] = {}
@@ -195,5 +184,5 @@ def _topics(file: Path) -> dict[int, _Topic]:
         if c.schema_id in schemas:
             schema = schemas[c.schema_id]
             definition = Definition(schema.name, schema.encoding, schema.data) if schema else Definition()
-            topics[number] = _Topic(c.topic, definition, c.message_encoding, tuple(c.metadata.items()))
+            topics[number] = StoredTopic(c.topic, definition, c.message_encoding, c.metadata)
     return topics

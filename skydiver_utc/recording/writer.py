@@ -9,7 +9,6 @@ import time
 from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO
 
 from skydiver_utc.errors import RecordingError
@@ -33,7 +32,7 @@ class BagWriter:
         self,
         folder: Path,
         flush_interval_s: float = 0.5,
-        queue_limit_bytes: int | None = None,
+        queue_limit_bytes: float = math.inf,
         beside: Mapping[str, str] | None = None,
     ) -> None:
         """Create the folder and its missing parents; one that is not empty raises `RecordingError`.
@@ -45,7 +44,7 @@ class BagWriter:
         self.mcap_path = self.folder / f"{self.folder.name}_0.mcap"
         self.dropped = 0
         self._flush_interval_s = flush_interval_s
-        self._queue_limit_bytes = math.inf if queue_limit_bytes is None else queue_limit_bytes
+        self._queue_limit_bytes = queue_limit_bytes
         self._stream = _create_bag(self.folder, self.mcap_path, beside or {})
         self._mcap = McapFile(self._stream)
         self._queue: deque[QueuedMessage] = deque()
@@ -102,9 +101,7 @@ class BagWriter:
     def __enter__(self) -> "BagWriter":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _check_open(self) -> None:
