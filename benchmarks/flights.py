@@ -49,7 +49,9 @@ def outcome_of(nodes: NodeProcesses) -> dict[str, Any]:
         for line in nodes.reports():
             report = line
     if "outcome" not in report:
-        said = "".join(f"\n{kind}:{nodes.last_lines(kind)}" for kind in nodes.pids())
+        said = "".join(
+            f"\n{kind}:{nodes.last_lines(kind)}" for kind in (RECORDER, CONTROLLER, REFERENCE, PLANT)
+        )
         raise RuntimeError(f"the flight has no outcome; the nodes said{said}")
     nodes.exit_code(RECORDER)
     return report

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skydiver_utc.cli.errors import CommandError
-from skydiver_utc.cli.outputs import check_figure_path, form_of
+from skydiver_utc.cli.outputs import check_figure_path, save_figure
 from skydiver_utc.cli.screen import show_lines, show_values
 from skydiver_utc.cli.settings import parse_setting
 from skydiver_utc.errors import FAILED
@@ -25,14 +25,13 @@ def check(
     from skydiver_utc.analysis import controller_check
     from skydiver_utc.analysis.metrics import to_json
     from skydiver_utc.analysis.recorded_run import RecordedRun
-    from skydiver_utc.parameters.files import write_file
 
     check_figure_path(figure)
     found = controller_check.check(
         RecordedRun(folder), lambda recorded: _other_scenario(recorded, controller, settings)
     )
     name = "the recorded controller" if controller is None else f"the controller of {controller}"
-    name = f"{name} with {', '.join(settings)}" if settings else name
+    name += f" with {', '.join(settings)}" if settings else ""
     values = {**controller_check.report(found), "controller": name}
     if as_json:
         print(to_json(values))
@@ -40,9 +39,8 @@ def check(
         _show(values)
     if figure is not None:
         from skydiver_utc.analysis.control_figures import check_figure
-        from skydiver_utc.analysis.style import picture
 
-        write_file(figure, picture(check_figure(found, name), form_of(figure)))
+        save_figure(figure, check_figure(found, name))
     return 0 if found.equal else FAILED
 
 

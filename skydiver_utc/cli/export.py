@@ -9,7 +9,7 @@ import click
 
 from skydiver_utc.cli import options
 from skydiver_utc.cli.errors import CommandError
-from skydiver_utc.cli.outputs import prepare_folder
+from skydiver_utc.cli.outputs import prepare_folder, save_figure
 
 
 def _form(name: str, help_text: str) -> Any:
@@ -46,14 +46,14 @@ def export(folder: Path, forms: Sequence[str], out: Path | None) -> None:
     prepare_folder(out)
     for form in dict.fromkeys(forms):
         path = place / f"{'run' if form in FORMS else 'tracking'}.{form}"
-        try:
-            content = table(run, form) if form in FORMS else None
-        except ModuleNotFoundError as error:
-            raise CommandError(f"--{form} needs {error.name}: pip install 'skydiver_utc[studies]'") from error
-        if content is None:
+        if form in FORMS:
+            try:
+                write_file(path, table(run, form))
+            except ModuleNotFoundError as error:
+                sentence = f"--{form} needs {error.name}: pip install 'skydiver_utc[studies]'"
+                raise CommandError(sentence) from error
+        else:
             from skydiver_utc.analysis.figures import tracking_figure
-            from skydiver_utc.analysis.style import picture
 
-            content = picture(tracking_figure(run), form)
-        write_file(path, content)
+            save_figure(path, tracking_figure(run))
         click.echo(str(path))

@@ -33,7 +33,4 @@ def inputs(folder: Path, as_json: bool) -> None:
     values = report(found)
     write_file(folder / "inputs.json", to_json(values) + "\n")
     write_file(folder / "inputs.png", png(inputs_figure(found)))
-    if as_json:
-        print(to_json(values))
-    else:
-        show_values(values, False, "schema_version", "time_s", "estimate", "deviation", "applied")
+    show_values(values, as_json, "schema_version", "time_s", "estimate", "deviation", "applied")

@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 from typing import IO, Any
@@ -100,10 +100,6 @@ class NodeProcesses:
         except queue.Empty:
             return
 
-    def pids(self) -> dict[str, int]:
-        """Process ids by node."""
-        return {kind: process.pid for kind, process in self._processes.items()}
-
     def ended(self, kind: str) -> bool:
         """True when the process has ended and `reports` has returned all of its reports."""
         return self._processes[kind].poll() is not None and self._lines.empty()
@@ -133,8 +129,7 @@ class NodeProcesses:
         for kinds in _ORDER_OF_ENDING:
             running = [self._processes[kind] for kind in kinds if kind in self._processes]
             for process in running:
-                if process.poll() is None:
-                    process.send_signal(signal.SIGINT)
+                process.send_signal(signal.SIGINT)
             deadline = time.monotonic() + _GRACE_S
             for process in running:
                 _wait(process, deadline)
@@ -186,9 +181,7 @@ def _wait(process: "subprocess.Popen[str]", deadline: float) -> None:
 
 def _parsed(line: str) -> Iterator[dict[str, Any]]:
     """The report in a line; other output is ignored."""
-    try:
+    with suppress(ValueError):
         report = json.loads(line)
-    except ValueError:
-        return
-    if isinstance(report, dict):
-        yield report
+        if isinstance(report, dict):
+            yield report

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from skydiver_utc.cli.errors import CommandError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from skydiver_utc.parameters import Parameters
 
 FORMS = ("png", "svg", "pdf")  # of figures, see `skydiver_utc.analysis.style.picture`
@@ -25,7 +27,7 @@ def check_figure_path(path: Path | None) -> None:
     """Refuse a figure that could not be written."""
     if path is None:
         return
-    if form_of(path) not in FORMS:
+    if _form_of(path) not in FORMS:
         raise CommandError(f"--figure {path} is none of {', '.join(FORMS)}: let its name end in one of them")
     if not path.parent.is_dir():
         raise CommandError(
@@ -33,9 +35,16 @@ def check_figure_path(path: Path | None) -> None:
         )
 
 
-def form_of(figure: Path) -> str:
-    """The form of a figure by the ending of its name."""
-    return figure.suffix.lower().removeprefix(".")
+def save_figure(path: Path, figure: "Figure") -> None:
+    """Write a figure in the form that the ending of the name tells."""
+    from skydiver_utc.analysis.style import picture
+    from skydiver_utc.parameters.files import write_file
+
+    write_file(path, picture(figure, _form_of(path)))
+
+
+def _form_of(path: Path) -> str:
+    return path.suffix.lower().removeprefix(".")
 
 
 def name_of(out: Path | None, default: str, force: bool) -> str:

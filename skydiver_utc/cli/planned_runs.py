@@ -51,7 +51,11 @@ def planned_runs(given: Sequence[str], settings: Sequence[str], folder: Path | N
     scenarios = [load(source, settings) for source in sources]
     several = len(names) > 1
     if folder is not None:
-        _check_place(folder)
+        if folder.exists():
+            raise CommandError(f"{folder} exists already: name another run folder, or move this one away")
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        if not os.access(folder.parent, os.W_OK):
+            raise CommandError(f"{folder.parent} is not writable: choose another place for the run folder")
     whole = folder or new_run_folder(Path("bags"), f"{len(names)}_runs" if several else scenarios[0].name)
     return [
         PlannedRun(name, scenario, whole / name if several else whole, _module_folder(source))
@@ -61,12 +65,3 @@ def planned_runs(given: Sequence[str], settings: Sequence[str], folder: Path | N
 
 def _module_folder(source: str) -> Path | None:
     return Path(source).resolve().parent if source.endswith((".yaml", ".yml")) else None
-
-
-def _check_place(folder: Path) -> None:
-    """Refuse a run folder that cannot be made, before any node starts."""
-    if folder.exists():
-        raise CommandError(f"{folder} exists already: name another run folder, or move this one away")
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    if not os.access(folder.parent, os.W_OK):
-        raise CommandError(f"{folder.parent} is not writable: choose another place for the run folder")

@@ -93,7 +93,7 @@ def _play(
     require_rclpy()
     bag_files(folder)
     # Others subscribe to it: on the caller's domain, where `run` takes a free one.
-    environment = node_environment({**os.environ, "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or "0"})
+    environment = node_environment(os.environ, domain="0")
     parameters: Parameters = {"run": str(folder.absolute()), "loop": loop}
     given = {"rate": rate, "start_s": start, "topics": names or None}
     parameters |= {name: value for name, value in given.items() if value is not None}

@@ -3,7 +3,6 @@
 
 import time
 from collections.abc import Mapping
-from types import TracebackType
 from typing import Any
 
 from rich.console import Console
@@ -31,28 +30,24 @@ class RunStatus:
     def __init__(self, scenarios: Mapping[str, Scenario], quiet: bool) -> None:
         self._console = Console(stderr=True, quiet=quiet)
         self._runs = {name: _Run(name, scenario) for name, scenario in scenarios.items()}
-        self._live: Live | None = None
-        if self._console.is_terminal and not quiet:
-            self._live = Live(self._table(), console=self._console, transient=True, refresh_per_second=8)
+        self._on_screen = self._console.is_terminal and not quiet
+        self._live = Live(
+            console=self._console, transient=True, refresh_per_second=8, get_renderable=self._table
+        )
 
     def __enter__(self) -> Self:
-        if self._live is not None:
+        if self._on_screen:
             self._live.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
-    ) -> None:
-        if self._live is not None:
-            self._live.stop()
+    def __exit__(self, *_: object) -> None:
+        self._live.stop()
 
     def show(self, name: str, report: Mapping[str, Any]) -> None:
         """Take in a report of a run's plant."""
         run = self._runs[name]
         run.receive(report)
-        if self._live is not None:
-            self._live.update(self._table())
-        elif run.line_is_due():
+        if not self._on_screen and run.line_is_due():
             self._console.print(Text(run.line()), soft_wrap=True)
 
     def _table(self) -> Table:
@@ -88,14 +83,9 @@ class _Run:
         rate = f"{dt_s * (step - first) / (now - began_at):.1f} x real time" if now > began_at else "-"
         controls = ", ".join(f"{name} {value:.3g}" for name, value in report["controls"].items())
         simulated = f"{dt_s * step:.1f} of {self._scenario.duration_s:g} s"
-        self.cells[1:] = [
-            "flying",
-            simulated,
-            rate,
-            self._error(step, report["outputs"]),
-            printable(controls),
-        ]
-        self.cells.append("-" if report["late"] is None else f"{report['late']}")
+        late = "-" if report["late"] is None else f"{report['late']}"
+        error = self._error(step, report["outputs"])
+        self.cells[1:] = ["flying", simulated, rate, error, printable(controls), late]
 
     def line_is_due(self) -> bool:
         """True once in some seconds."""
@@ -105,9 +95,8 @@ class _Run:
 
     def line(self) -> str:
         """The row in words."""
-        name, *cells = self.cells
-        labels = ("", "simulated", "rate", "error", "controls", "late answers")
-        return f"{name}: " + ", ".join(f"{a} {b}".strip() for a, b in zip(labels, cells, strict=True))
+        name, phase, *cells = self.cells
+        return f"{name}: {phase}, " + ", ".join(map(" ".join, zip(_COLUMNS[2:], cells, strict=True)))
 
     def _error(self, step: int, outputs: Mapping[str, float]) -> str:
         if self._reference is None:

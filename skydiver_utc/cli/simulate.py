@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from skydiver_utc.cli import options
-from skydiver_utc.cli.outputs import check_figure_path, form_of
+from skydiver_utc.cli.outputs import check_figure_path, save_figure
 from skydiver_utc.cli.screen import count_progress, show_metrics
 from skydiver_utc.cli.settings import load
 from skydiver_utc.errors import FAILED
@@ -35,14 +35,12 @@ def simulate(scenario: str, settings: Sequence[str], figure: Path | None, as_jso
     run, values = fly(loaded, loaded.title or loaded.name, as_json, quiet)
     if figure is not None:
         from skydiver_utc.analysis.figures import tracking_figure
-        from skydiver_utc.analysis.style import picture
         from skydiver_utc.analysis.validation_figure import validation_figure
-        from skydiver_utc.parameters.files import write_file
 
-        write_file(figure, picture(tracking_figure(run), form_of(figure)))
+        save_figure(figure, tracking_figure(run))
         if "estimation" in values:
             beside = figure.with_name(f"{figure.stem}_validation{figure.suffix}")
-            write_file(beside, picture(validation_figure(run), form_of(figure)))
+            save_figure(beside, validation_figure(run))
     return exit_code(run)
 
 

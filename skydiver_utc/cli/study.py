@@ -65,20 +65,16 @@ def run_study(
 
     plan = Plan(load_study(name))
     folder = _folder(plan, out)
-    try:
-        with executor(workers, scheduler) as pool:
-            plan.check(pool)
-            prepare_folder(folder)
-            with ledger(folder, plan.study.name, plan.digest) as found, _progress(plan, quiet) as progress:
-                at_once = AT_ONCE_ON_CLUSTER if scheduler else 2 * workers
-                try:
-                    rows = fly_study(plan, found, pool, at_once, progress, until)
-                except StudyStoppedError as error:
-                    kept = f"{len(found.rows())} runs stand in {folder / FILE}, the same command continues"
-                    raise StudyStoppedError(f"{error}: {kept}") from error
-    except StudyStoppedError as error:
-        click.echo(f"Error: {error}", err=True)
-        return FAILED
+    with executor(workers, scheduler) as pool:
+        plan.check(pool)
+        prepare_folder(folder)
+        with ledger(folder, plan.study.name, plan.digest) as found, _progress(plan, quiet) as progress:
+            at_once = AT_ONCE_ON_CLUSTER if scheduler else 2 * workers
+            try:
+                rows = fly_study(plan, found, pool, at_once, progress, until)
+            except StudyStoppedError as error:
+                kept = f"{len(found.rows())} runs stand in {folder / FILE}, the same command continues"
+                raise StudyStoppedError(f"{error}: {kept}") from error
     write_report(folder, plan, rows)
     failed = sum(row.outcome == FAILED_RUN for row in rows)
     show_lines(f"{len(rows)} runs, {failed} failed: {folder / REPORT}")
@@ -129,10 +125,9 @@ def show_run(name: str, number: int, out: Path | None, record: bool, as_json: bo
         return code
     flown, _ = fly(scenario, f"{plan.study.name}, run {number}: {row.case}, {row.sample}", as_json, quiet)
     if kept_of(plan.study, Flown.of(flown)) != row.metrics:
-        click.echo(
-            f"Error: run {number} has other metrics in {folder / FILE}: another version flew it", err=True
+        raise CommandError(
+            f"run {number} has other metrics in {folder / FILE}: another version flew it", FAILED
         )
-        return FAILED
     return exit_code(flown)
 
 

@@ -65,9 +65,7 @@ def _page(runs: Sequence[Path], live: str | None, settings: Sequence[str], port:
 def _page_over_ros(namespace: str, port: int, stack: ExitStack) -> "Page":
     require_rclpy()
     # Started by others: on their domain, where `run` takes a free one and prints it.
-    os.environ.update(
-        node_environment({**os.environ, "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or "0"})
-    )
+    os.environ.update(node_environment(os.environ, domain="0"))
     from skydiver_utc.nodes.observed_run import ObservedRun
     from skydiver_utc.view.live_controls import LivePage
     from skydiver_utc.view.ros_flight import RosFlight
