@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 from refusals import assert_refused
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin
@@ -46,8 +45,6 @@ from skydiver_utc.nodes.topics import RECORDED
 DT_NS = 4_200_000
 STEPS = 5
 
-QOS_YAML = yaml.safe_dump([QOS])
-
 
 class Sent(NamedTuple):
     topic: str
@@ -55,10 +52,6 @@ class Sent(NamedTuple):
     message: Any
     log_time_ns: int
     publish_time_ns: int
-
-
-def doubles(values: np.ndarray) -> array.array:
-    return array.array("d", np.asarray(values, dtype=float).tobytes())
 
 
 def filled(kind: Any, rng: np.random.Generator) -> Any:
@@ -84,7 +77,8 @@ def random_value(field: str, rng: np.random.Generator) -> Any:
     return kinds.get(field, small)
 
 
-def flight() -> list[Sent]:
+@pytest.fixture(scope="module")
+def sent() -> list[Sent]:
     """Some messages of each recorded topic, with random values."""
     rng = np.random.default_rng(1)
     sent = []
@@ -101,22 +95,17 @@ def flight() -> list[Sent]:
     return sent
 
 
-def record(folder: Path, sent: list[Sent]) -> None:
-    with BagWriter(folder) as bag:
+@pytest.fixture(scope="module")
+def bag(sent, tmp_path_factory) -> Path:
+    with BagWriter(tmp_path_factory.mktemp("recording") / "flight") as bag:
         channels: dict[str, int] = {}
         for item in sent:
             if item.topic not in channels:
                 schema = message_schema(item.type_name)
-                channels[item.topic] = bag.add_topic(item.topic, *schema, QOS_YAML)
+                channels[item.topic] = bag.add_topic(item.topic, *schema, yaml.safe_dump([QOS]))
             cdr = serialization.serialize_message(item.message)
             bag.write(channels[item.topic], cdr, item.log_time_ns, item.publish_time_ns)
-
-
-def by_topic(sent: list[Sent]) -> dict[str, list[Sent]]:
-    grouped: dict[str, list[Sent]] = {}
-    for item in sent:
-        grouped.setdefault(item.topic, []).append(item)
-    return grouped
+    return bag.folder
 
 
 def assert_same(expected: Any, actual: Any) -> None:
@@ -136,30 +125,15 @@ def assert_same(expected: Any, actual: Any) -> None:
             assert_same(float(one) if isinstance(one, np.floating) else one, other)
 
 
-def refused(words: str | list[str], path: Path, topics: list[str] | None = None) -> None:
-    """The bag cannot be read; the error is one sentence with these words."""
-    assert_refused(words, read_bag, path, topics, kind=RecordingError)
+def refused(words: str | list[str], *given: Any) -> str:
+    return assert_refused(words, read_bag, *given, kind=RecordingError)
 
 
-@pytest.fixture(scope="module")
-def sent() -> list[Sent]:
-    return flight()
-
-
-@pytest.fixture(scope="module")
-def bag(sent, tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("recording") / "flight"
-    record(folder, sent)
-    return folder
-
-
-def test_rosbags_reads_the_folder(bag, sent):
+def test_rosbags_reads_the_folder_and_the_file(bag, sent):
     with AnyReader([bag]) as reader:
         received = [
-            (connection, log_time, reader.deserialize(data, connection.msgtype))
-            for connection, log_time, data in reader.messages()
+            (c, log_time, reader.deserialize(data, c.msgtype)) for c, log_time, data in reader.messages()
         ]
-    assert len(received) == len(sent)
     for item, (connection, log_time, message) in zip(sent, received, strict=True):
         assert (connection.topic, connection.msgtype, log_time) == (
             item.topic,
@@ -167,69 +141,38 @@ def test_rosbags_reads_the_folder(bag, sent):
             item.log_time_ns,
         )
         assert_same(item.message, message)
-
-
-def test_rosbags_agrees_about_the_metadata(bag, sent):
-    groups = by_topic(sent)
     with Reader(bag) as folder, Reader(bag / "flight_0.mcap") as file:
         for reader in (folder, file):
-            assert reader.message_count == len(sent)
-            assert reader.start_time == START_NS
+            assert (reader.message_count, reader.start_time) == (len(sent), START_NS)
             assert reader.end_time == sent[-1].log_time_ns + 1
-            assert {name: topic.msgcount for name, topic in reader.topics.items()} == {
-                name: len(items) for name, items in groups.items()
-            }
-        jazzy = get_typestore(Stores.ROS2_JAZZY)
+            assert {topic.msgcount for topic in reader.topics.values()} == {STEPS}
         for listed, stored in zip(folder.connections, file.connections, strict=True):
-            assert (listed.topic, listed.msgtype, listed.msgdef) == (
+            assert (listed.topic, listed.msgtype, listed.msgdef, listed.ext) == (
                 stored.topic,
                 stored.msgtype,
                 stored.msgdef,
+                stored.ext,
             )
-            assert listed.digest == jazzy.hash_rihs01(listed.msgtype)
-            assert listed.ext == stored.ext
+            assert listed.digest == message_schema(listed.msgtype).type_hash
             (qos,) = listed.ext.offered_qos_profiles
-            assert (qos.depth, qos.reliability.name, qos.durability.name) == (
-                10,
-                "RELIABLE",
-                "TRANSIENT_LOCAL",
-            )
+            policies = qos.depth, qos.reliability.name, qos.durability.name
+            assert policies == (10, "RELIABLE", "TRANSIENT_LOCAL")
         assert folder.ros_distro == os.environ.get("ROS_DISTRO", "jazzy")
-
-
-def test_mcap_ros2_support_reads_the_file(bag, sent):
-    groups = by_topic(sent)
-    seen = dict.fromkeys(groups, 0)
-    with (bag / "flight_0.mcap").open("rb") as stream:
-        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        for schema, channel, raw, message in reader.iter_decoded_messages():
-            item = groups[channel.topic][seen[channel.topic]]
-            assert (schema.name, raw.log_time) == (item.type_name, item.log_time_ns)
-            assert (raw.publish_time, raw.sequence) == (item.publish_time_ns, seen[channel.topic])
-            assert_same(item.message, message)
-            seen[channel.topic] += 1
-    assert seen == {topic: len(items) for topic, items in groups.items()}
 
 
 @pytest.mark.parametrize("what", ["folder", "file", "folder without metadata"])
 def test_own_reader(bag, sent, tmp_path, what):
-    path = bag
-    if what == "file":
-        path = bag / "flight_0.mcap"
-    elif what == "folder without metadata":
-        path = tmp_path / "copy"
-        path.mkdir()
-        (path / "any_name.mcap").write_bytes((bag / "flight_0.mcap").read_bytes())
+    path = bag if what == "folder" else bag / "flight_0.mcap"
+    if what == "folder without metadata":
+        (tmp_path / "any_name.mcap").write_bytes(path.read_bytes())
+        path = tmp_path
     recorded = read_bag(path)
-    groups = by_topic(sent)
-    assert recorded.keys() == groups.keys()
-    for name, items in groups.items():
-        topic = recorded[name]
-        assert (topic.name, topic.type_name, len(topic)) == (name, items[0].type_name, len(items))
-        assert topic.log_times_ns.tolist() == [item.log_time_ns for item in items]
-        assert topic.publish_times_ns.tolist() == [item.publish_time_ns for item in items]
-        for item, message in zip(items, topic.readable, strict=True):
-            assert_same(item.message, message)
+    assert sum(map(len, recorded.values())) == len(sent)
+    for i, item in enumerate(sent):
+        topic, k = recorded[item.topic], i // len(RECORDED)
+        assert (topic.name, topic.type_name) == (item.topic, item.type_name)
+        assert (topic.log_times_ns[k], topic.publish_times_ns[k]) == (item.log_time_ns, item.publish_time_ns)
+        assert_same(item.message, topic.readable[k])
 
 
 def test_stamps_of_recorded_messages(bag):
@@ -244,18 +187,26 @@ def test_only_wanted_topics(bag):
     refused("/nothing", bag, ["/skydiver/clock", "/nothing"])
 
 
+def bag_of(folder: Path, name: str, kind: str, *messages: bytes) -> Path:
+    """A bag with these serialized messages of one topic."""
+    with BagWriter(folder) as writer:
+        channel = writer.add_topic(name, *message_schema(kind), "")
+        for cdr in messages:
+            writer.write(channel, cdr, 1, 1)
+    return folder
+
+
 def test_empty_arrays_whose_serialization_has_spare_bytes(tmp_path):
     # rclpy.serialization keeps room to align elements that are not there; what comes over the wire has none.
-    message = JointState(name=["a"], position=doubles([1.5]))
-    point = JointTrajectoryPoint(velocities=doubles([2.5]))
-    sent = [
-        Sent("/joints", "sensor_msgs/msg/JointState", message, 1, 1),
-        Sent("/points", "trajectory_msgs/msg/JointTrajectory", JointTrajectory(points=[point, point]), 2, 2),
-    ]
-    record(tmp_path / "bag", sent)
-    recorded = read_bag(tmp_path / "bag")
-    for item in sent:
-        assert_same(item.message, recorded[item.topic].readable[0])
+    point = JointTrajectoryPoint(velocities=array.array("d", [2.5]))
+    for sent in (
+        JointState(name=["a"], position=array.array("d", [1.5])),
+        JointTrajectory(points=[point, point]),
+    ):
+        name = type(sent).__name__
+        kind = f"{type(sent).__module__.partition('.')[0]}/msg/{name}"
+        path = bag_of(tmp_path / name, "/sent", kind, serialization.serialize_message(sent))
+        assert_same(sent, read_bag(path)["/sent"].readable[0])
 
 
 def test_big_endian_messages(tmp_path):
@@ -264,60 +215,50 @@ def test_big_endian_messages(tmp_path):
     cdr = serialization.serialize_message(filled(TwistStamped, np.random.default_rng(0)))
     swapped = bytes(store.serialize_cdr(store.deserialize_cdr(cdr, name), name, little_endian=False))
     assert swapped[:4] == bytes(4)
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.write(writer.add_topic("/twist", *message_schema(name), ""), swapped, 1, 1)
-    message = read_bag(tmp_path / "bag")["/twist"].readable[0]
+    message = read_bag(bag_of(tmp_path / "bag", "/twist", name, swapped))["/twist"].readable[0]
     assert_same(serialization.deserialize_message(cdr, TwistStamped), message)
     assert leading_stamp_ns(swapped) == leading_stamp_ns(cdr)
 
 
+def bag_of_rosbags(
+    folder: Path, storage: StoragePlugin, mode: CompressionMode = CompressionMode.NONE
+) -> Path:
+    """A bag of one clock at 5 s, by rosbags."""
+    writer = RosbagsWriter(folder, version=9, storage_plugin=storage)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        store = get_typestore(Stores.ROS2_JAZZY)
+        connection = writer.add_connection("/clock", "rosgraph_msgs/msg/Clock", typestore=store)
+        writer.write(connection, 42, serialization.serialize_message(Clock(clock=Time(sec=5))))
+    return folder
+
+
 @pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.STORAGE, CompressionMode.MESSAGE])
 def test_bags_of_rosbags(tmp_path, mode):
-    store = get_typestore(Stores.ROS2_JAZZY)
-    clock = serialization.serialize_message(Clock(clock=Time(sec=5)))
-    other = RosbagsWriter(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
-    other.set_compression(mode, CompressionFormat.ZSTD)
-    with other:
-        connection = other.add_connection("/clock", "rosgraph_msgs/msg/Clock", typestore=store)
-        other.write(connection, 42, clock)
-    topic = read_bag(tmp_path / "bag")["/clock"]
-    assert topic.readable[0].clock.sec == 5
-    assert topic.log_times_ns.tolist() == [42]
+    topic = read_bag(bag_of_rosbags(tmp_path / "bag", StoragePlugin.MCAP, mode))["/clock"]
+    assert (topic.readable[0].clock.sec, topic.log_times_ns.tolist()) == (5, [42])
 
 
 def test_bytes_that_are_no_message_do_not_hide_the_others(tmp_path):
-    with BagWriter(tmp_path / "bag") as bag:
-        channel = bag.add_topic("/joints", *message_schema("sensor_msgs/msg/JointState"), "")
-        whole = serialization.serialize_message(JointState(name=["a"], position=doubles([1.5])))
-        for cdr in (b"", whole, b"\x00\x01\x00\x00" + b"\xff" * 40, whole[:11], whole):
-            bag.write(channel, cdr, 1, 1)
-    topic = read_bag(tmp_path / "bag")["/joints"]
+    whole = serialization.serialize_message(JointState(name=["a"], position=array.array("d", [1.5])))
+    sent = (b"", whole, b"\x00\x01\x00\x00" + b"\xff" * 40, whole[:11], whole)
+    topic = read_bag(bag_of(tmp_path / "bag", "/joints", "sensor_msgs/msg/JointState", *sent))["/joints"]
     names = [message and list(message.name) for message in topic.readable]
     assert names == [None, ["a"], None, None, ["a"]]
 
 
-def split_bag(folder: Path) -> Path:
-    """A bag of two files, as `ros2 bag record --max-bag-size` leaves it."""
-    folder.mkdir()
-    for number in (0, 1):
-        item = Sent("/clock", "rosgraph_msgs/msg/Clock", Clock(clock=Time(sec=number)), 100 + number, 1)
-        record(folder / "part", [item])
-        (folder / "part" / "part_0.mcap").rename(folder / f"bag_{number}.mcap")
-        content = yaml.safe_load((folder / "part" / "metadata.yaml").read_text())
-        (folder / "part" / "metadata.yaml").unlink()
-        (folder / "part").rmdir()
-    content["rosbag2_bagfile_information"]["relative_file_paths"] = ["bag_0.mcap", "bag_1.mcap"]
-    (folder / "metadata.yaml").write_text(yaml.safe_dump(content))
-    return folder
-
-
 def test_split_bag(tmp_path):
-    folder = split_bag(tmp_path / "bag")
-    topic = read_bag(folder)["/clock"]
-    assert topic.log_times_ns.tolist() == [100, 101]
-    assert [message.clock.sec for message in topic.readable] == [0, 1]
-    (folder / "bag_1.mcap").unlink()
-    refused("bag_1.mcap is missing", folder)
+    """A bag of two files, as `ros2 bag record --max-bag-size` leaves it, and one of them alone."""
+    names = ["b_0.mcap", "a_1.mcap"]
+    for number, name in enumerate(names):
+        clock = serialization.serialize_message(Clock(clock=Time(sec=number)))
+        part = bag_of(tmp_path / str(number), "/clock", "rosgraph_msgs/msg/Clock", clock)
+        (part / f"{number}_0.mcap").rename(tmp_path / name)
+    information = {"rosbag2_bagfile_information": {"relative_file_paths": names}}
+    (tmp_path / "metadata.yaml").write_text(yaml.safe_dump(information))
+    assert [message.clock.sec for message in read_bag(tmp_path)["/clock"].readable] == [0, 1]
+    (tmp_path / "a_1.mcap").unlink()
+    refused("a_1.mcap is missing", tmp_path)
 
 
 def test_what_is_not_a_bag(tmp_path):
@@ -355,12 +296,8 @@ def test_metadata_that_cannot_be_used_do_not_hide_the_file_beside_them(bag, tmp_
 
 def test_a_bag_of_another_storage_names_an_installed_converter(tmp_path):
     """And that program makes a bag that is read."""
-    store = get_typestore(Stores.ROS2_JAZZY)
-    with RosbagsWriter(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3) as other:
-        connection = other.add_connection("/clock", "rosgraph_msgs/msg/Clock", typestore=store)
-        other.write(connection, 42, serialization.serialize_message(Clock(clock=Time(sec=5))))
-    message = assert_refused("bag", read_bag, tmp_path / "bag", kind=RecordingError)
-    (command,) = re.findall("`([^`]*)`", message)
+    bag_of_rosbags(tmp_path / "bag", StoragePlugin.SQLITE3)
+    (command,) = re.findall("`([^`]*)`", refused("bag", tmp_path / "bag"))
     words = command.replace("FOLDER", str(tmp_path / "other")).split()
     subprocess.run([Path(sys.executable).with_name(words[0]), *words[1:]], check=True)
     assert read_bag(tmp_path / "other")["/clock"].readable[0].clock.sec == 5
@@ -385,24 +322,20 @@ def test_recording_that_was_cut_short(bag, tmp_path, kept):
     refused("skydiver-utc recover", tmp_path)
 
 
-def test_damage_is_never_read_as_data(bag, tmp_path, sent):
+def test_damage_is_never_read_as_data(bag, tmp_path):
     """A flipped byte anywhere is an error, or does not change the messages."""
-    data = (bag / "flight_0.mcap").read_bytes()
-    groups = by_topic(sent)
-    refused = 0
+    data, whole, refused = (bag / "flight_0.mcap").read_bytes(), read_bag(bag), 0
     for position in range(40, len(data), max(1, len(data) // 50)):
         damaged = bytearray(data)
         damaged[position] ^= 0x5A
-        path = tmp_path / "damaged.mcap"
-        path.write_bytes(damaged)
+        (tmp_path / "damaged.mcap").write_bytes(damaged)
         try:
-            recorded = read_bag(path)
+            recorded = read_bag(tmp_path / "damaged.mcap")
         except RecordingError:
             refused += 1
             continue
-        for name, items in groups.items():
-            assert recorded[name].log_times_ns.tolist() == [item.log_time_ns for item in items]
-            assert_same(items[-1].message, recorded[name].readable[-1])
+        for name, topic in whole.items():
+            assert (recorded[name].cdr, recorded[name].times_ns) == (topic.cdr, topic.times_ns)
     assert refused > 5
 
 
@@ -417,17 +350,14 @@ def test_several_chunks_keep_the_order_and_a_lost_one_is_refused(tmp_path):
     with writer.mcap_path.open("rb") as stream:
         chunk = make_reader(stream).get_summary().chunk_indexes[1]
     data = bytearray(writer.mcap_path.read_bytes())
-    for opcode in (
-        0x7F,
-        0x80,
-    ):  # a record of a kind that nobody knows, and one of a writer's own, to be skipped
+    # A record of a kind that nobody knows, and one of a writer's own, to be skipped.
+    for opcode in (0x7F, 0x80):
         data[chunk.chunk_start_offset] = opcode
         writer.mcap_path.write_bytes(data)
         refused("skydiver-utc recover", tmp_path / "bag")
 
 
-def test_registered_types_do_not_leak_between_bags(tmp_path):
-    """Two bags may define one type differently."""
+def test_two_bags_may_define_one_type_differently(tmp_path):
     for number, text in enumerate(("int32 a\n", "int32 b\n")):
         with BagWriter(tmp_path / str(number)) as writer:
             channel = writer.add_topic("/x", "own_msgs/msg/X", text, "RIHS01_0", "")
