@@ -22,6 +22,14 @@ def invoke(*arguments: object) -> Result:
     return CliRunner(**_APART).invoke(main, list(map(str, arguments)))
 
 
+def refused(*arguments: object) -> str:
+    """The sentence with which a command in this process is refused."""
+    result = invoke(*arguments)
+    assert (result.exit_code, result.stdout) == (2, ""), result.output
+    assert result.stderr.count("Error: ") == 1
+    return result.stderr.partition("Error: ")[2]
+
+
 def start(*arguments: object, folder: Path | None = None, **environment: object) -> "subprocess.Popen[str]":
     """Start a command in a folder, with further variables of the environment."""
     return subprocess.Popen(

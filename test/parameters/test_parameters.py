@@ -34,46 +34,28 @@ FAST = "fast_turn_unknown_dynamics"
 shipped = cache(load_scenario)
 
 
-def test_files_with_an_underscore_are_no_scenarios():
-    assert FAST in scenario_names()
-    assert not any(name.startswith("_") for name in scenario_names())
-
-
 def test_a_file_is_laid_over_the_one_that_it_extends():
     scenario = shipped("fast_turn_pi_dynamics_rate_coupling")
-    assert scenario.controller.kind == "utc"
-    assert scenario.controller.horizon_steps == 5
+    assert (scenario.controller.kind, scenario.controller.horizon_steps) == ("utc", 5)
     assert scenario.reference.amplitude_deg_s == 400.0
+    assert not any(name.startswith("_") for name in scenario_names())
 
 
 def test_a_scenario_is_frozen_and_replaced_by_checked_copies():
     scenario = shipped(FAST)
     with pytest.raises(pydantic.ValidationError):
         scenario.dt_s = 1.0
-    with pytest.raises(pydantic.ValidationError):
-        scenario.replace(dt_s=-1.0)
-    with pytest.raises(pydantic.ValidationError):
-        scenario.replace(plant={"kind": "skydiver"})
-    assert scenario.replace(duration_s=2.0).duration_s == 2.0
-
-
-def test_an_integer_is_a_number():
-    force = load_scenario(FAST, {"plant.hands.K_N": 50}).plant.hands.K_N
-    assert force == 50.0
-    assert isinstance(force, float)
+    for wrong in ({"dt_s": -1.0}, {"plant": {"kind": "skydiver"}}):
+        with pytest.raises(pydantic.ValidationError):
+            scenario.replace(**wrong)
+    assert repr(scenario.replace(duration_s=2).duration_s) == "2.0"
 
 
 def test_steps_and_stamps_are_integers():
-    scenario = shipped(FAST)
-    assert (scenario.dt_ns, scenario.steps) == (4_200_000, 4762)
-    assert scenario.stamp_ns(1000) - scenario.stamp_ns(0) == 4_200_000_000
-    assert scenario.stamp_ns(0) == 1_767_225_600_000_000_000
+    scenario, stamp = shipped(FAST), SimpleNamespace(sec=1_700_000_000, nanosec=999_999_999)
+    assert (scenario.dt_ns, scenario.steps, stamp_ns(stamp)) == (4_200_000, 4762, 1_700_000_000_999_999_999)
+    assert scenario.stamp_ns(1000) == 1_767_225_604_200_000_000
     assert load_scenario(FAST, {"duration_s": scenario.dt_s}).steps == 1
-
-
-def test_a_stamp_in_nanoseconds_is_exact():
-    stamp = SimpleNamespace(sec=1_700_000_000, nanosec=999_999_999)
-    assert stamp_ns(stamp) == 1_700_000_000_999_999_999
 
 
 def test_limits_are_bounds_in_the_order_of_the_controls():
@@ -106,20 +88,19 @@ def path_of(*alphas):
     return {"kind": "path", "name": "p", "description": "", "source": "", "keyframes": frames}
 
 
+DIRECTION = {"kind": "direction", "name": "p"}
+HALF = {"left_hip": [0.6, 0.0, 0.0]}
+
+
 @pytest.mark.parametrize(
     ("overrides", "words"),
     [
-        (
-            {"controller.horizon_stepz": 5},
-            ["controller.horizon_stepz", "did you mean controller.horizon_steps"],
-        ),
+        ({"controller.horizon_stepz": 5}, [".horizon_stepz", "did you mean controller.horizon_steps"]),
         ({"controler.horizon_steps": 5}, ["unknown parameter controler:", "did you mean controller"]),
         ({"duration": 5}, ["unknown parameter duration:", "did you mean duration_s"]),
         ({"qqqq": 5}, ["unknown parameter qqqq:"]),
         ({"subject": "heavy"}, ["unknown parameter subject", "did you mean plant.subject"]),
-        ({"plant.hands.K_N": "fifty"}, ["plant.hands.K_N", "number", "'fifty'"]),
-        ({"plant.hands.K_N": math.nan}, ["plant.hands.K_N", "finite"]),
-        ({"plant.hands.K_N": math.inf}, ["plant.hands.K_N", "finite"]),
+        *(({"plant.hands.K_N": value}, ["plant.hands.K_N", "finite"]) for value in (math.nan, math.inf)),
         ({"plant.hands.K_N": "nan"}, ["plant.hands.K_N", "number", "'nan'"]),
         *(({"plant.hands.K_N": value}, ["plant.hands.K_N"]) for value in (True, None, {"a": 1})),
         ({"plant.limbs.reaction": "no"}, ["plant.limbs.reaction", "true or false", "'no'"]),
@@ -130,20 +111,14 @@ def path_of(*alphas):
         ({"plant.limits.alpha": [0.5, 0.5]}, ["alpha", "upside down"]),
         (
             {"plant.subject.joint_limits.ranges_deg.knee.flexion": [10, -10]},
-            ["joint_limits.ranges_deg.knee", "flexion", "10.0, -10.0"],
+            ["knee", "flexion", "10.0, -10.0"],
         ),
-        ({"plant.limits.alpha.2": 1.0}, ["there is no parameter plant.limits.alpha.2", "entries 0 to 1"]),
-        ({"plant.limits.alpha.x": 1.0}, ["there is no parameter plant.limits.alpha.x", "entries 0 to 1"]),
+        ({"plant.limits.alpha.2": 1.0}, ["no parameter plant.limits.alpha.2", "entries 0 to 1"]),
+        ({"plant.limits.alpha.x": 1.0}, ["no parameter plant.limits.alpha.x", "entries 0 to 1"]),
         ({"plant.pattern": path_of(0.0)}, ["plant.pattern", "1 keyframes"]),
         ({"plant.pattern": path_of(0.0, 0.0)}, ["plant.pattern", "growing alpha"]),
         ({"plant.pattern": path_of(1.0, 0.0)}, ["plant.pattern", "growing alpha"]),
-        (
-            {"plant.pattern": {"kind": "direction", "name": "p"}},
-            [
-                f"parameter plant.pattern.{name} is missing"
-                for name in ("description", "source", "components")
-            ],
-        ),
+        ({"plant.pattern": DIRECTION}, [f"pattern.{name} is missing" for name in ("source", "components")]),
         ({"title": "a\x1b[2J"}, ["title in the override holds a control character"]),
         ({"plant.subject.name": "a\u202e"}, ["plant.subject.name in the override holds a control character"]),
         ({"truth": {"hands": {"K_N": -1.0}}}, ["truth.hands.K_N", "at least 0"]),
@@ -162,16 +137,12 @@ def path_of(*alphas):
         ({"disturbances": [{"kind": "wind"}]}, ["disturbances[0].kind", "wind"]),
         ({"disturbances": 3}, ["disturbances", "a list"]),
         ({"plant.pattern.kind": "wave"}, ["plant.pattern.kind", "wave", "direction, path"]),
-        (
-            {"plant.pattern.components": {"left_hip": [0.6, 0.0, 0.0]}},
-            ["plant.pattern", "unit norm", "0.600000"],
-        ),
+        ({"plant.pattern.components": HALF}, ["plant.pattern", "unit norm", "0.600000"]),
         ({"controller.W0": 1.0}, ["controller.W0"]),
         ({"plant.subject": "giant"}, ["giant", "average"]),
         ({"plant.skydiver": "nobody"}, ["nobody", "athlete, paper"]),
         ({"plant.skydiver": 3}, ["plant.skydiver"]),
         ({"plant.hands.force": "upwards"}, ["plant.hands.force", "ventral, dorsal"]),
-        ({"plant.subject.mass_kg": 5}, ["subject.mass_kg"]),
         ({"name.first": 1}, ["there is no parameter name.first"]),
         ({"controller": {"kind": "lqr", "K_p": 1.0}}, ["controller.K_p"]),
         ({"controller.W0": 0.1, "controller.kind": "lqr"}, ["controller.W0"]),
@@ -180,11 +151,6 @@ def path_of(*alphas):
 )
 def test_a_wrong_value_is_named(overrides, words):
     assert_refused(words, load_scenario, FAST, overrides)
-
-
-def test_an_unknown_scenario_is_named_with_a_near_one():
-    assert_refused("did you mean fast_turn_unknown_dynamics", load_scenario, "fast_turn_unknown_dynamic")
-    assert_refused("nowhere.yaml", load_scenario, "nowhere.yaml")
 
 
 @pytest.mark.parametrize(
