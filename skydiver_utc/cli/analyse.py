@@ -21,25 +21,23 @@ if TYPE_CHECKING:
 @options.as_json
 def analyse(folder: Path, as_json: bool) -> None:
     """Make metrics.json, the figures and report.html of the run folder RUN again, from its bag alone."""
-    examine_and_show(folder, as_json)
+    show(*examine(folder), as_json)
 
 
-def examine_and_show(folder: Path, as_json: bool) -> "Run":
-    """Read the run, write its metrics, figure and report beside the bag, print the metrics."""
+def show(run: "Run", values: dict[str, Any], as_json: bool) -> None:
+    """Print the metrics of a recorded run."""
     from skydiver_utc.analysis.labels import reference_added
     from skydiver_utc.analysis.metrics import to_json
 
-    run, values = examine(folder)
     if as_json:
         print(to_json(values))
-    else:
-        show_metrics(values, run.scenario.title or run.scenario.name)
-        if ignored := values["ignored_messages"]:
-            counts = ", ".join(f"{count} on {name}" for name, count in ignored.items())
-            click.echo(f"ignored messages, without a step of the run or unreadable: {counts}")
-        if sentence := reference_added(values["reference_steps_not_recorded"]):
-            click.echo(sentence)
-    return run
+        return
+    show_metrics(values, run.scenario.title or run.scenario.name)
+    if ignored := values["ignored_messages"]:
+        counts = ", ".join(f"{count} on {name}" for name, count in ignored.items())
+        click.echo(f"ignored messages, without a step of the run or unreadable: {counts}")
+    if sentence := reference_added(values["reference_steps_not_recorded"]):
+        click.echo(sentence)
 
 
 def examine(folder: Path) -> tuple["Run", dict[str, Any]]:

@@ -103,13 +103,6 @@ def timing(source: Path, scenario: str, settings: Sequence[str], duration_s: flo
     return found
 
 
-def kept(keyframes: Keyframes, count: int) -> str:
-    return (
-        f"kept {len(keyframes.kept)} of {count} postures, the path is within"
-        f" {np.rad2deg(keyframes.error):.2g} deg of all others"
-    )
-
-
 def path(name: str, source_line: str, time_s: Array, angles: Array, keyframes: Keyframes) -> PosturePath:
     """The path through the postures that are kept, alpha going with time."""
     alphas = np.interp(time_s[keyframes.kept], time_s[[0, -1]], ALPHA)

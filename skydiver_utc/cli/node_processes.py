@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 from typing import IO, Any
@@ -39,7 +39,7 @@ sys.exit({kind}_node())
 PACKAGE_FOLDER = str(Path(skydiver_utc.__file__).resolve().parents[1])
 
 
-class NodeProcesses:
+class NodeProcesses(AbstractContextManager["NodeProcesses"]):
     """The nodes of one run, in a namespace with its own clock topic; at the end of the `with` block all have ended.
 
     `module_folder` is added to the nodes' Python path.
@@ -62,9 +62,6 @@ class NodeProcesses:
         self._processes: dict[str, subprocess.Popen[str]] = {}
         self._lines: queue.Queue[str] = queue.Queue()
 
-    def __enter__(self) -> "NodeProcesses":
-        return self
-
     def __exit__(self, *_: object) -> None:
         self.end()
 
@@ -73,8 +70,10 @@ class NodeProcesses:
 
         `prefix`: how the command line begins, for a node in another namespace of the system.
         """
-        command = [*prefix, *_ended_with_parent(), sys.executable, "-c", NODE_CODE.format(kind=kind)]
-        command += ["--ros-args", *self._remapping]
+        # The kernel interrupts a node when this process is gone, even killed; not outside Linux.
+        setpriv = shutil.which("setpriv")
+        command = [*prefix, *([setpriv, "--pdeathsig", "INT", "--"] if setpriv else [])]
+        command += [sys.executable, "-c", NODE_CODE.format(kind=kind), "--ros-args", *self._remapping]
         for name, value in parameters.items():
             command += ["-p", f"{name}:={json.dumps(value)}"]
         with self._log(kind).open("w") as log:
@@ -132,7 +131,11 @@ class NodeProcesses:
                 process.send_signal(signal.SIGINT)
             deadline = time.monotonic() + _GRACE_S
             for process in running:
-                _wait(process, deadline)
+                try:
+                    process.wait(max(0.0, deadline - time.monotonic()))
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
 
     def _log(self, kind: str) -> Path:
         return self._log_folder / f"{kind}.log"
@@ -163,20 +166,6 @@ def interruptible() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def _ended_with_parent() -> list[str]:
-    """Command that lets the kernel interrupt a process when this one is gone, even killed; none outside Linux."""
-    setpriv = shutil.which("setpriv")
-    return [setpriv, "--pdeathsig", "INT", "--"] if setpriv else []
-
-
-def _wait(process: "subprocess.Popen[str]", deadline: float) -> None:
-    try:
-        process.wait(max(0.0, deadline - time.monotonic()))
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
 
 
 def _parsed(line: str) -> Iterator[dict[str, Any]]:

@@ -15,14 +15,9 @@ from skydiver_utc.cli.settings import load_skydiver
 from skydiver_utc.plants.skydiver.pattern_kinds import PATTERN_KINDS
 
 
-@click.group()
+@click.group(commands=[show, extract, import_])
 def pattern() -> None:
     """Make and examine postures and movement patterns."""
-
-
-pattern.add_command(show)
-pattern.add_command(extract)
-pattern.add_command(import_)
 
 
 @pattern.command(cls=options.Computing, short_help="Trim SCENARIO's posture to a straight fall.")

@@ -50,7 +50,8 @@ def import_(
     duration_s = float(time_s[-1]) - float(time_s[0])
     overrides = dict(map(parse_setting, settings)) | motion.timing(source, scenario, settings, duration_s)
     keyframes = thin(time_s, angles, math.radians(tolerance))
-    kept = motion.kept(keyframes, len(time_s))
+    error_deg = math.degrees(keyframes.error)
+    kept = f"kept {len(keyframes.kept)} of {len(time_s)} postures, the path is within {error_deg:.2g} deg of all others"
     source_line = (
         f"{source.name} from {time_s[0]:g} to {time_s[-1]:g} s, by skydiver-utc pattern import: {kept}; {clipped};"
         f" angles that it lacks are those of posture {plant.posture.name}"

@@ -57,11 +57,6 @@ def planned_runs(given: Sequence[str], settings: Sequence[str], folder: Path | N
         if not os.access(folder.parent, os.W_OK):
             raise CommandError(f"{folder.parent} is not writable: choose another place for the run folder")
     whole = folder or new_run_folder(Path("bags"), f"{len(names)}_runs" if several else scenarios[0].name)
-    return [
-        PlannedRun(name, scenario, whole / name if several else whole, _module_folder(source))
-        for name, scenario, source in zip(names, scenarios, sources, strict=True)
-    ]
-
-
-def _module_folder(source: str) -> Path | None:
-    return Path(source).resolve().parent if source.endswith((".yaml", ".yml")) else None
+    modules = [Path(s).resolve().parent if s.endswith((".yaml", ".yml")) else None for s in sources]
+    folders = [whole / name if several else whole for name in names]
+    return list(map(PlannedRun, names, scenarios, folders, modules))

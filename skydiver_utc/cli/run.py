@@ -189,21 +189,20 @@ def recording_state(folder: Path) -> str:
 
 def _analyse(planned: Sequence[PlannedRun], as_json: bool) -> int:
     """Analyse each run; of several, print one JSON object by name."""
-    from skydiver_utc.cli.analyse import examine, examine_and_show
+    from skydiver_utc.cli.analyse import examine, show
 
     code = 0
     by_name: dict[str, Any] = {}
     for each in planned:
         try:
-            if as_json and len(planned) > 1:
-                flight, by_name[each.name] = examine(each.folder)
-            else:
-                flight = examine_and_show(each.folder, as_json)
+            flight, by_name[each.name] = examine(each.folder)
         except (AnalysisError, RecordingError) as error:
             raise CommandError(f"the run has ended but cannot be analysed: {error}", FAILED) from error
+        if len(planned) == 1 or not as_json:
+            show(flight, by_name[each.name], as_json)
         if not as_json:
             click.echo(str(each.folder))
         code = max(code, exit_code(flight))
-    if by_name:
+    if as_json and len(planned) > 1:
         click.echo(json.dumps(by_name, indent=2))
     return code

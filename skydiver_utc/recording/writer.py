@@ -8,6 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import BinaryIO
 
@@ -17,7 +18,7 @@ from skydiver_utc.recording.mcap_file import Definition, McapFile, QueuedMessage
 from skydiver_utc.recording.metadata import HASH_KEY, METADATA_FILE, QOS_KEY, metadata_yaml
 
 
-class BagWriter:
+class BagWriter(AbstractContextManager["BagWriter"]):
     """Writes a bag; one caller at a time.
 
     `write` only queues. A thread writes the queue to the file and flushes it every `flush_interval_s`, so that a
@@ -97,9 +98,6 @@ class BagWriter:
         self._thread.join()
         if not self._failure_raised:
             self._raise_failure()
-
-    def __enter__(self) -> "BagWriter":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
