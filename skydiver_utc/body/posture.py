@@ -16,7 +16,8 @@ import numpy as np
 
 from skydiver_utc.arrays import Array
 from skydiver_utc.body.segments import JOINTS, SEGMENTS, Body, Segment, carriers
-from skydiver_utc.parameters import JointLimits, MovementPattern, ParameterError, Posture
+from skydiver_utc.errors import ParameterError
+from skydiver_utc.parameters.body import JointLimits, MovementPattern, Posture
 
 ANGLES = ("flexion", "abduction", "rotation")
 # Angles are written to YAML in degrees with six decimals: one at its limit may pass it by half the last.

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from skydiver_utc.arrays import Array, Integers
-from skydiver_utc.parameters import ParameterError, SegmentTable, Subject
+from skydiver_utc.errors import ParameterError
+from skydiver_utc.parameters.body import SegmentTable, Subject
 
 
 class Segment(NamedTuple):

@@ -13,7 +13,7 @@ import numpy as np
 from skydiver_utc.arrays import Array
 from skydiver_utc.body.posture import ANGLES, joint_angle_names, joint_ranges, rotation_axes
 from skydiver_utc.body.segments import SEGMENTS, Body, build_body, ellipsoids
-from skydiver_utc.parameters import Subject
+from skydiver_utc.parameters.body import Subject
 
 # A box has the mass and the moments of inertia of an ellipsoid with these half axes.
 _BOX = math.sqrt(2.4)

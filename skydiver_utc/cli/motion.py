@@ -15,15 +15,8 @@ from skydiver_utc.body.segments import JOINTS
 from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.settings import load_skydiver, parse_setting
 from skydiver_utc.loop.build import build_plant
-from skydiver_utc.parameters import (
-    Keyframe,
-    ParameterError,
-    Posture,
-    PosturePath,
-    Scenario,
-    SkydiverSettings,
-    load_scenario,
-)
+from skydiver_utc.parameters import ParameterError, Scenario, SkydiverSettings, load_scenario
+from skydiver_utc.parameters.body import Keyframe, Posture, PosturePath
 from skydiver_utc.plants.skydiver.model import build_model
 from skydiver_utc.plants.skydiver.table_error import TableError, table_error
 from skydiver_utc.plants.skydiver.trim import DECIMALS

@@ -6,39 +6,23 @@ file that it names, checks types, bounds and names, and returns immutable object
 """
 
 from skydiver_utc.errors import ParameterError
-from skydiver_utc.parameters.body import (
-    JointLimits,
-    Keyframe,
-    MovementPattern,
-    Pattern,
-    Posture,
-    PosturePath,
-    SegmentTable,
-    Subject,
-)
+from skydiver_utc.parameters.body import MovementPattern, Posture, PosturePath
 from skydiver_utc.parameters.fields import Parameters, SlotSettings, quantity, text
 from skydiver_utc.parameters.leaves import Leaf, leaves
 from skydiver_utc.parameters.loading import from_yaml, load_scenario, override, scenario_names, to_yaml
 from skydiver_utc.parameters.scenario import Scenario
-from skydiver_utc.parameters.skydiver import Damping, Limbs, SkydiverSettings
+from skydiver_utc.parameters.skydiver import SkydiverSettings
 
 __all__ = [
-    "Damping",
-    "JointLimits",
-    "Keyframe",
     "Leaf",
-    "Limbs",
     "MovementPattern",
     "ParameterError",
     "Parameters",
-    "Pattern",
     "Posture",
     "PosturePath",
     "Scenario",
-    "SegmentTable",
     "SkydiverSettings",
     "SlotSettings",
-    "Subject",
     "from_yaml",
     "leaves",
     "load_scenario",

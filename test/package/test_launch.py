@@ -21,20 +21,14 @@ CLOSED_LOOP = ElementTree.parse(FOLDER / "closed_loop.launch.xml").getroot()
 LONGEST_CLOSE_S = 10.0
 
 
+DEFAULTS = {argument.get("name"): argument.get("default") for argument in CLOSED_LOOP.findall("arg")}
+
+
 def test_arguments_of_the_closed_loop() -> None:
-    defaults = {argument.get("name"): argument.get("default") for argument in CLOSED_LOOP.findall("arg")}
-    assert set(defaults) >= {
-        "scenario",
-        "namespace",
-        "clock",
-        "params_file",
-        "record",
-        "controller",
-        "estimator",
-        "reference",
-    }
-    assert not str(defaults["namespace"]).startswith("/")
-    assert (defaults["mode"], defaults["record"], defaults["out"]) == ("lockstep", "true", "")
+    choices = ("record", "controller", "estimator", "reference")
+    assert {"scenario", "clock", "params_file", *choices} <= set(DEFAULTS)
+    assert not str(DEFAULTS["namespace"]).startswith("/")
+    assert (DEFAULTS["mode"], DEFAULTS["record"], DEFAULTS["out"]) == ("lockstep", "true", "")
     timeouts = [
         float(e.get("value", "")) for e in CLOSED_LOOP.iter("let") if e.get("name") == "sigterm_timeout"
     ]
@@ -42,24 +36,17 @@ def test_arguments_of_the_closed_loop() -> None:
 
 
 def test_nodes_are_given_parameters_that_they_have() -> None:
-    defaults = {argument.get("name"): argument.get("default") for argument in CLOSED_LOOP.findall("arg")}
-    nodes = {}
+    conditions = {}
     for include in CLOSED_LOOP.iter("include"):
         assert include.get("file") == "$(dirname)/node.launch.py"
         given = {argument.get("name"): argument.get("value", "") for argument in include.iter("arg")}
         text = given["parameters"]
-        for name, default in defaults.items():
+        for name, default in DEFAULTS.items():
             text = text.replace(f"$(var {name})", str(default))
-        nodes[given["node"]] = (include.get("if"), yaml.safe_load(text))
-    for name, (_, parameters) in nodes.items():
-        SETTINGS[name].model_validate(parameters)
-    assert {name: condition for name, (condition, _) in nodes.items()} == {
-        "recorder": "$(var record)",
-        "reference": "$(var reference)",
-        "controller": "$(var controller)",
-        "estimator": "$(var estimator)",
-        "plant": None,
-    }
+        SETTINGS[given["node"]].model_validate(yaml.safe_load(text))
+        conditions[given["node"]] = include.get("if")
+    of_choice = {node: f"$(var {node})" for node in ("reference", "controller", "estimator")}
+    assert conditions == {"plant": None, "recorder": "$(var record)", **of_choice}
 
 
 class _Node:
@@ -128,13 +115,8 @@ def test_the_end_of_a_plant_ends_the_nodes_of_its_namespace(monkeypatch: pytest.
 
 
 def test_a_parameter_file_counts_before_the_arguments(monkeypatch: pytest.MonkeyPatch) -> None:
-    given = {
-        "node": "plant",
-        "parameters": "{mode: real_time}",
-        "params_file": "mine.yaml",
-        "clock": "/a/clock",
-    }
-    (node,) = described(monkeypatch, **given)
+    given = {"parameters": "{mode: real_time}", "params_file": "mine.yaml", "clock": "/a/clock"}
+    (node,) = described(monkeypatch, node="plant", **given)
     arguments = node.arguments
     assert arguments["executable"] == "plant_node"
     assert arguments["parameters"] == [{"mode": "real_time"}, "mine.yaml"]
