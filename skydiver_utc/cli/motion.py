@@ -3,6 +3,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import click
@@ -20,7 +21,7 @@ from skydiver_utc.parameters.body import Keyframe, Posture, PosturePath
 from skydiver_utc.plants.skydiver.model import build_model
 from skydiver_utc.plants.skydiver.table_error import TableError, table_error
 from skydiver_utc.plants.skydiver.trim import DECIMALS
-from skydiver_utc.recording.joint_angles import JointAngles, read_joint_angles
+from skydiver_utc.recording.joint_angles import read_joint_angles
 
 # The range of alpha that the motion is laid over [rad].
 ALPHA = (0.0, 2.0)
@@ -38,23 +39,26 @@ _SHORTEST_S = 1e-6
 _MEND = "cut it into shorter files, or allow a larger --tolerance"
 
 
-def whole_postures(source: Path, recorded: JointAngles, posture: Posture) -> Array:
-    """All 45 joint angles (n, 45) [rad]: what was not recorded is that of the posture; a motionless one is refused."""
+def whole_postures(source: Path, posture: Posture) -> tuple[Array, Array]:
+    """Times (n,) and all 45 joint angles (n, 45) [rad]: what was not recorded is that of the posture.
+
+    A motionless recording is refused.
+    """
     names = joint_angle_names()
+    recorded = read_joint_angles(source, names)
     if np.ptp(recorded.values, axis=0).max() < _MOTIONLESS_RAD:
         raise CommandError(f"the postures in {source} do not move: give the recording of a maneuver")
     if recorded.note:
         click.echo(recorded.note, err=True)
     angles = np.tile(posture_angles(posture).ravel(), (len(recorded.time_s), 1))
     angles[:, [names.index(name) for name in recorded.names]] = recorded.values
-    return angles
+    return recorded.time_s, angles
 
 
 def measured(source: Path, plant: SkydiverSettings) -> tuple[Array, Array]:
-    """Times (n,) and whole postures (n, 45) [rad]."""
-    recorded = read_joint_angles(source, joint_angle_names())
-    time_s, angles = recorded.time_s, whole_postures(source, recorded, plant.posture)
-    for before, after in zip(time_s.tolist(), time_s[1:].tolist(), strict=False):
+    """Times (n,) and whole postures (n, 45) [rad]; two of almost one time are refused."""
+    time_s, angles = whole_postures(source, plant.posture)
+    for before, after in pairwise(time_s.tolist()):
         if after - before < _SHORTEST_S:
             raise CommandError(
                 f"two postures in {source}, at {after:g} s, are {after - before:.2g} s apart: leave at least"

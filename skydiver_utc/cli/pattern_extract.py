@@ -53,19 +53,17 @@ def extract(
     """
     import numpy as np
 
-    from skydiver_utc.body.posture import joint_angle_names, joint_rows
+    from skydiver_utc.body.posture import joint_rows
     from skydiver_utc.body.principal_components import principal_components
     from skydiver_utc.cli.motion import whole_postures
     from skydiver_utc.parameters import MovementPattern, Posture
     from skydiver_utc.plants.skydiver.trim import DECIMALS
-    from skydiver_utc.recording.joint_angles import read_joint_angles
 
     loaded = load_skydiver(scenario, settings)
     name, name_of_mean = name_of(out, f"component_{component}", force), name_of(mean, "mean", force)
     if out is not None and mean is not None and out.resolve() == mean.resolve():
         raise CommandError(f"--out and --mean are both {out}: give each a file of its own")
-    recorded = read_joint_angles(source, joint_angle_names())
-    angles = whole_postures(source, recorded, loaded.plant.posture)
+    time_s, angles = whole_postures(source, loaded.plant.posture)
     found = principal_components(angles)
     if not 1 <= component <= len(found.shares):
         raise CommandError(
@@ -73,7 +71,7 @@ def extract(
             f" {len(found.shares)}"
         )
     rows = [_component(loaded, found, i, angles) for i in range(len(found.shares))]
-    about = f"{len(angles)} postures over {recorded.time_s[-1] - recorded.time_s[0]:g} s in {source.name}"
+    about = f"{len(angles)} postures over {time_s[-1] - time_s[0]:g} s in {source.name}"
     chosen = rows[component - 1]
     pattern = MovementPattern(
         name=name,

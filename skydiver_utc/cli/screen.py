@@ -64,13 +64,13 @@ def facts(title: str = "") -> "Table":
     return made
 
 
-def show_lines(*lines: str, style: str = "") -> None:
+def show_lines(*lines: str) -> None:
     """Print lines on stdout, however long."""
     from rich.console import Console
     from rich.text import Text
 
     for line in lines:
-        Console().print(Text(printable(line), style=style), soft_wrap=True)
+        Console().print(Text(printable(line)), soft_wrap=True)
 
 
 def show_values(values: Mapping[str, Any], as_json: bool, *left_out: str) -> None:

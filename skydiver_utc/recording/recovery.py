@@ -172,17 +172,15 @@ def _survey_file(file: Path, found: Survey) -> None:
 
 def _topics(file: Path) -> dict[int, StoredTopic]:
     """Topics by channel id, each from its first record, which is in a chunk and so has a checksum."""
-    schemas: dict[int, Schema | None] = {0: None}
+    definitions = {0: Definition()}
     channels: dict[int, Channel] = {}
     for part in parts(file):
         if isinstance(part, Schema):
-            schemas.setdefault(part.id, part)
+            definitions.setdefault(part.id, Definition(part.name, part.encoding, part.data))
         elif isinstance(part, Channel):
             channels.setdefault(part.id, part)
-    topics = {}
-    for number, c in channels.items():
-        if c.schema_id in schemas:
-            schema = schemas[c.schema_id]
-            definition = Definition(schema.name, schema.encoding, schema.data) if schema else Definition()
-            topics[number] = StoredTopic(c.topic, definition, c.message_encoding, c.metadata)
-    return topics
+    return {
+        number: StoredTopic(c.topic, definitions[c.schema_id], c.message_encoding, c.metadata)
+        for number, c in channels.items()
+        if c.schema_id in definitions
+    }

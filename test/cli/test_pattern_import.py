@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import invoke, refused
-from postures import NAMES, direction_of, neutral
+from postures import NAMES, csv_of, direction_of, neutral
 from recordings import bag_of_postures
 from scipy.interpolate import PchipInterpolator
 
@@ -39,14 +39,8 @@ def refused_with(source, out, *arguments):
 
 
 def degrees(path, names, rows, time_s):
-    """A file of angles [deg] at these times, every digit kept."""
-    lines = [",".join(map(repr, [float(t), *map(float, row)])) for t, row in zip(time_s, rows, strict=True)]
-    path.write_text("\n".join([",".join(["time_s", *names]), *lines]), encoding="utf-8")
-    return path
-
-
-def arms_of(path, time_s, angles_deg):
-    return degrees(path, SHOULDERS, [[angle, angle] for angle in angles_deg], time_s)
+    """A file of angles [deg] at these times."""
+    return csv_of(path, np.deg2rad(rows), names, time_s)
 
 
 def measured(path):
@@ -206,7 +200,8 @@ def test_what_cannot_be_imported_is_refused(tmp_path, out, arguments, words):
     ],
 )
 def test_motions_that_cannot_be_flown_are_refused(time_s, angles, words, tmp_path):
-    message = refused_with(arms_of(tmp_path / "odd.csv", time_s, angles), tmp_path / "odd.yaml")
+    arms = degrees(tmp_path / "odd.csv", SHOULDERS, [[angle, angle] for angle in angles], time_s)
+    message = refused_with(arms, tmp_path / "odd.yaml")
     assert words in message
     if found := re.search(r"off by (\S+) mm", message):
         assert float(found[1]) > 10

@@ -34,10 +34,13 @@ def direction_of(name: str) -> NDArray[np.float64]:
     return pattern_direction(skydiver_with(pattern=name).pattern).ravel()
 
 
-def csv_of(path: Path, postures: Any, names: Sequence[str] = NAMES) -> Path:
-    """Postures (n, m) [rad] as a CSV file of 100 Hz, every digit kept."""
+def csv_of(
+    path: Path, postures: Any, names: Sequence[str] = NAMES, time_s: Sequence[float] | None = None
+) -> Path:
+    """Postures (n, m) [rad] as a CSV file, of 100 Hz unless times are given; every digit kept."""
+    times = [0.01 * k for k in range(len(postures))] if time_s is None else time_s
+    rows = np.rad2deg(postures).tolist()
     lines = [",".join(["time_s", *names])]
-    for k, row in enumerate(np.rad2deg(postures).tolist()):
-        lines.append(",".join(map(repr, [k * 0.01, *row])))
+    lines += [",".join(map(repr, [float(t), *row])) for t, row in zip(times, rows, strict=True)]
     path.write_text("\n".join(lines), encoding="utf-8")
     return path

@@ -281,7 +281,7 @@ def test_what_is_not_a_bag(tmp_path):
 @pytest.mark.parametrize(
     "text",
     [
-        *("", "just text", "rosbag2_bagfile_information: 3", "[unclosed", "{a: 1}", "a: " + "[" * 3000),
+        *("just text", "rosbag2_bagfile_information: 3", "[unclosed", "{a: 1}"),
         "rosbag2_bagfile_information: {storage_identifier: '', relative_file_paths: [1, bag_0.db3]}",
         "rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: [../x/flight_0.mcap]}",
     ],

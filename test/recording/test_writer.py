@@ -113,41 +113,6 @@ def test_close_twice_and_calls_after_close(tmp_path: Path) -> None:
     assert (bag.mcap_path.read_bytes(), (bag.folder / "metadata.yaml").read_bytes()) == content
 
 
-@pytest.mark.parametrize("delay_s", [0.003, 0.011, 0.023, 0.051])
-def test_a_signal_at_any_instruction_leaves_complete_records(tmp_path: Path, delay_s: float) -> None:
-    interrupted = False
-
-    def interrupt(_number: int, _frame: object) -> None:
-        nonlocal interrupted
-        interrupted = True  # the exception is lost if the signal comes inside a garbage collector's callback
-        raise KeyboardInterrupt
-
-    returned = 0
-
-    def write_until_interrupted(channel: int) -> None:
-        nonlocal returned
-        while not interrupted:
-            bag.write(channel, text_message(str(returned)), START_NS + returned, START_NS)
-            returned += 1
-
-    previous = signal.signal(signal.SIGALRM, interrupt)
-    bag = BagWriter(tmp_path / "bag", flush_interval_s=0.001)
-    try:
-        channel = bag.add_topic("/text", *STRING, "")
-        signal.setitimer(signal.ITIMER_REAL, delay_s)
-        # A function: Python 3.13 leaves the jump back of a `while` out of the `try` around it.
-        write_until_interrupted(channel)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        signal.signal(signal.SIGALRM, previous)
-        bag.close()
-    messages = messages_in(bag.mcap_path)
-    assert returned <= len(messages) <= returned + 1
-    assert [m.data for m in messages[:returned]] == [text_message(str(k)) for k in range(returned)]
-    assert metadata_of(bag.folder)["message_count"] == len(messages)
-
-
 CHILD = """
 import os, signal, sys, time
 from pathlib import Path
