@@ -40,10 +40,7 @@ _MEND = "cut it into shorter files, or allow a larger --tolerance"
 
 
 def whole_postures(source: Path, posture: Posture) -> tuple[Array, Array]:
-    """Times (n,) and all 45 joint angles (n, 45) [rad]: what was not recorded is that of the posture.
-
-    A motionless recording is refused.
-    """
+    """Times (n,), all 45 joint angles (n, 45) [rad], where not recorded the posture's; a motionless one is refused."""
     names = joint_angle_names()
     recorded = read_joint_angles(source, names)
     if np.ptp(recorded.values, axis=0).max() < _MOTIONLESS_RAD:

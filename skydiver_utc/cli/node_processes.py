@@ -40,10 +40,7 @@ PACKAGE_FOLDER = str(Path(skydiver_utc.__file__).resolve().parents[1])
 
 
 class NodeProcesses(AbstractContextManager["NodeProcesses"]):
-    """The nodes of one run, in a namespace with its own clock topic; at the end of the `with` block all have ended.
-
-    `module_folder` is added to the nodes' Python path.
-    """
+    """The nodes of one run; all end with the `with` block. `module_folder` is added to their Python path."""
 
     def __init__(
         self,
@@ -66,10 +63,7 @@ class NodeProcesses(AbstractContextManager["NodeProcesses"]):
         self.end()
 
     def start(self, kind: str, parameters: Mapping[str, Value], prefix: Sequence[str] = ()) -> None:
-        """Start ``<kind>_node`` with these ROS parameters; the plant's JSON lines on stdout go to `reports`.
-
-        `prefix`: how the command line begins, for a node in another namespace of the system.
-        """
+        """Start ``<kind>_node``, its command line after `prefix`; the plant's JSON lines on stdout go to `reports`."""
         # The kernel interrupts a node when this process is gone, even killed; not outside Linux.
         setpriv = shutil.which("setpriv")
         command = [*prefix, *([setpriv, "--pdeathsig", "INT", "--"] if setpriv else [])]

@@ -25,10 +25,7 @@ def require_rclpy() -> None:
 
 
 def node_environment(base: Mapping[str, str], domain: str = "") -> dict[str, str]:
-    """The caller's environment; where it does not set them, discovery on this machine only and a domain.
-
-    Without `domain` it is a free one.
-    """
+    """The caller's environment; where it does not set them, discovery on this machine, and `domain` or a free one."""
     from skydiver_utc.nodes import discovery
 
     environment = dict(base)

@@ -106,10 +106,7 @@ class _NodesOfRun:
         self.nodes.start(PLANT, waiting | {"progress": True})
 
     def running(self) -> bool:
-        """Show the plant's reports; False when the run has ended, or a node has `failed`.
-
-        A recorder that fails after the first step does not stop a run.
-        """
+        """Show the plant's reports; False at the end, or when a node has `failed`; after step 0 a recorder may."""
         for report in self.nodes.reports():
             self._began = self._began or "step" in report
             self._status.show(self.planned.name, report)

@@ -24,10 +24,7 @@ _UNITS = {
 
 @contextmanager
 def count_progress(description: str, total: int, quiet: bool) -> Iterator[Callable[..., None]]:
-    """A bar for `total` items, called with those done and, where it changes, the description.
-
-    None when quiet or when stderr is no terminal.
-    """
+    """A bar of `total` items, called with those done and a new description; none when quiet or without a terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

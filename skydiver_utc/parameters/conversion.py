@@ -40,10 +40,7 @@ class Unresolved(NamedTuple):
 
 
 def convert(content: Mapping[str, Any], origin: str, found: Iterable[str] = ()) -> Scenario:
-    """The scenario of plain data without file names in it; `ParameterError` names every wrong field.
-
-    `found` are errors that it names before these.
-    """
+    """The scenario of plain data without file names; `ParameterError` names, after `found`, every wrong field."""
     blocks = {**_DEFAULTS, **content}
     errors = list(found)
     for name in SLOTS:

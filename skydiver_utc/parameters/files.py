@@ -10,9 +10,9 @@ from pathlib import Path
 
 
 def write_file(path: Path, content: str | bytes) -> None:
-    """Write a file; a failure, an `OSError` with this name, leaves an older one. A link is replaced, not followed.
+    """Write a file or raise an `OSError` with its name, which leaves an older one.
 
-    A pipe and a device, such as /dev/stdout, are written to.
+    A link is replaced, not followed; a pipe and a device, such as /dev/stdout, are written to.
     """
     data = content.encode() if isinstance(content, str) else content
     if _is_stream(path):

@@ -170,10 +170,7 @@ def _resolve_plant(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _resolved(value: Any, seen: Chain = (), field: str = "") -> Any:
-    """The value with what its file holds for each name of a subject, suit, posture, ..., at any depth.
-
-    A file that cannot be read gives an `Unresolved`.
-    """
+    """The value with the contents of the files named as subject, suit, posture, ...; `Unresolved` for a wrong one."""
     if field in _NAMED and isinstance(value, str):
         try:
             path = named_path(field, value)

@@ -74,10 +74,7 @@ def _fits(message: Any, known: Sequence[str]) -> bool:
 
 
 def _from_csv(path: Path, known: Sequence[str]) -> JointAngles:
-    """Columns: `time_s`, then any of the known joint angles in degrees, with or without the ending _deg.
-
-    Without it, angles that all fit radians are refused.
-    """
+    """Columns: `time_s`, then angles in degrees; without the ending _deg, angles that all fit radians are refused."""
     try:
         rows = csv.reader(StringIO(text_of(path), newline=""), strict=True)
         lines = [(line, row) for line, row in enumerate(rows, 1) if row]

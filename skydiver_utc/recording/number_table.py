@@ -37,10 +37,7 @@ def numbers(
     lines: Sequence[tuple[int, Sequence[str]]],
     degrees: float = 1.0,
 ) -> Array:
-    """Numbers (n, m) of some columns, of which the first is the time; the others in degrees.
-
-    `lines` are the number of each line and its cells; `degrees` is the unit of the angles.
-    """
+    """Numbers (n, m) of some columns of numbered lines: the time, then angles in degrees, whose unit is `degrees`."""
     if len(lines) < 2:
         raise RecordingError(f"{path} has fewer than two postures: write a header and a line for each time")
     rows: list[list[float]] = []

@@ -35,10 +35,7 @@ def in_order(topics: Mapping[str, RecordedTopic]) -> list[Item]:
 
 
 def chosen(recorded: Mapping[str, RecordedTopic], names: Sequence[str]) -> dict[str, RecordedTopic]:
-    """The topics with these names, and clocks always; without names all but logs and parameter events.
-
-    An unknown name raises `RecordingError`.
-    """
+    """The topics with these names, relative or not, and clocks; without names all but logs. Raises `RecordingError`."""
     relative = [name for name in names if not name.startswith("/")]
     namespace = namespace_of(recorded) if relative else ""
     wanted = {f"{namespace}/{name}" if name in relative else name for name in names}

@@ -204,10 +204,7 @@ DEFAULT_NAMESPACE = "/skydiver"
 
 
 def namespace_of(topic_names: Iterable[str], name: str = "scenario") -> str:
-    """The namespace of the recorded topic with this relative name; `DEFAULT_NAMESPACE` if there is none.
-
-    Topics of this name in several namespaces raise `RecordingError`: a run folder holds one plant.
-    """
+    """The namespace of the topic with this relative name, or `DEFAULT_NAMESPACE`; several raise `RecordingError`."""
     ending = f"/{name}"
     found = sorted(topic.removesuffix(ending) for topic in topic_names if topic.endswith(ending))
     if len(found) > 1:

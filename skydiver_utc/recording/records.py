@@ -56,19 +56,13 @@ Part = Any  # a record of the library, a `RawMessage`, or `Damaged`
 
 
 def parts(file: Path) -> Iterator[Part]:
-    """Every record with contents, those of complete chunks too; messages as tuples, in a third of the library's time.
-
-    A file that is no MCAP file, or cannot be read, raises `RecordingError`.
-    """
+    """Every record with contents, also in chunks; messages as tuples, in a third of the library's time."""
     for _, size, opcode, data in records(file):
         yield from _parts_of(size, opcode, data)
 
 
 def records(file: Path) -> Iterator[tuple[int, int, int, bytes]]:
-    """Offset, size, opcode and contents of every record; opcode 0 for what follows the last whole one.
-
-    Errors as in `parts`.
-    """
+    """Offset, size, opcode and contents of every record, opcode 0 for a cut one; `RecordingError` for no MCAP file."""
     try:
         with file.open("rb") as stream:
             if stream.read(len(MAGIC)) != MAGIC:
