@@ -19,7 +19,6 @@ from bags import START_NS, STRING, Record, Row, chunk_file, rewritten, text_mess
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.reader import read_bag
 from skydiver_utc.recording.recovery import recover, survey
-from skydiver_utc.recording.writer import BagWriter
 
 ROWS = [Row("/a", START_NS + k, START_NS + k, text_message(f"text {k}")) for k in range(20)]
 SERVICE_EVENT = b"""service_msgs/ServiceEventInfo info
@@ -237,10 +236,8 @@ def test_nothing_is_left_behind_by_a_recovery_that_fails(
 
 @pytest.mark.parametrize("count", [100, 101])
 def test_a_list_of_texts_has_a_largest_length(tmp_path: Path, count: int) -> None:
-    with BagWriter(tmp_path / "bag") as writer:
-        definition = f"string[{count}] texts\nint32[999] numbers\n"
-        channel = writer.add_topic("/own", "pkg/msg/Own", definition, "", "")
-        writer.write(channel, b"\x00\x01\x00\x00" + struct.pack("<IB3x", 1, 0) * count + bytes(4 * 999), 1, 1)
-    topic = read_bag(tmp_path / "bag")["/own"]
-    (message,) = topic.readable
+    definition = f"string[{count}] texts\nint32[999] numbers\n"
+    cdr = b"\x00\x01\x00\x00" + struct.pack("<IB3x", 1, 0) * count + bytes(4 * 999)
+    write_bag(tmp_path / "bag", [Row("/own", 1, 1, cdr)], schema=("pkg/msg/Own", definition, ""))
+    (message,) = read_bag(tmp_path / "bag")["/own"].readable
     assert message is None if count > 100 else message.texts == [""] * count

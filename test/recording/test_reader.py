@@ -24,7 +24,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StorageP
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 
-from bags import QOS, START_NS
+from bags import QOS, START_NS, Row, write_bag
 from skydiver_utc.errors import RecordingError
 from skydiver_utc.recording.reader import read_bag
 from skydiver_utc.recording.schemas import message_schema
@@ -189,11 +189,7 @@ def test_only_wanted_topics(bag):
 
 def bag_of(folder: Path, name: str, kind: str, *messages: bytes) -> Path:
     """A bag with these serialized messages of one topic."""
-    with BagWriter(folder) as writer:
-        channel = writer.add_topic(name, *message_schema(kind), "")
-        for cdr in messages:
-            writer.write(channel, cdr, 1, 1)
-    return folder
+    return write_bag(folder, [Row(name, 1, 1, cdr) for cdr in messages], schema=message_schema(kind))
 
 
 def test_empty_arrays_whose_serialization_has_spare_bytes(tmp_path):
@@ -359,8 +355,7 @@ def test_several_chunks_keep_the_order_and_a_lost_one_is_refused(tmp_path):
 
 def test_two_bags_may_define_one_type_differently(tmp_path):
     for number, text in enumerate(("int32 a\n", "int32 b\n")):
-        with BagWriter(tmp_path / str(number)) as writer:
-            channel = writer.add_topic("/x", "own_msgs/msg/X", text, "RIHS01_0", "")
-            writer.write(channel, b"\x00\x01\x00\x00" + struct.pack("<i", number + 5), 1, 1)
+        rows = [Row("/x", 1, 1, b"\x00\x01\x00\x00" + struct.pack("<i", number + 5))]
+        write_bag(tmp_path / str(number), rows, schema=("own_msgs/msg/X", text, "RIHS01_0"))
     assert read_bag(tmp_path / "0")["/x"].readable[0].a == 5
     assert read_bag(tmp_path / "1")["/x"].readable[0].b == 6
