@@ -33,7 +33,7 @@ class Cart(Plant):
     """position'' = force - position, by explicit steps."""
 
     class Settings(SlotSettings):
-        """No settings."""
+        pass
 
     state_names = ("position", "speed")
     control_names = ("force", "brake")
@@ -45,20 +45,16 @@ class Cart(Plant):
         self.dt_s = dt_s
 
     def initial_state(self) -> Any:
-        """At rest, off its place."""
         return np.array([0.1, 0.0])
 
     def step(self, state: Any, before: Any, applied: Any) -> Any:
-        """One dt later."""
         force, brake = applied
         return state + self.dt_s * np.array([state[1], force - state[0] - brake * state[1]])
 
     def outputs(self, states: Any) -> Any:
-        """The position."""
         return states[..., :1]
 
     def fault(self, state: Any) -> str:
-        """Too far away."""
         return "" if abs(state[0]) < 100.0 else "the cart is gone"
 
 
@@ -66,8 +62,6 @@ class Proportional:
     """force = gain (reference - position), with a preview that it does not need."""
 
     class Settings(SlotSettings):
-        """The gain."""
-
         gain: Annotated[float, quantity("1", "force per error", ge=0, le=100)] = 1.0
 
     preview_steps = 3
@@ -80,11 +74,9 @@ class Proportional:
         self.reset()
 
     def reset(self) -> None:
-        """The control before the first one is the plant's."""
         self._control = self._start.copy()
 
     def resume(self, control: Any) -> None:
-        """Continue from an applied control."""
         self._control = np.array(control)
 
     def decide(self, state: Any, preview: Any) -> Decision:
@@ -99,17 +91,15 @@ class Averaged(Estimator):
     """The mean of the measured state and the estimate before."""
 
     class Settings(SlotSettings):
-        """No settings."""
+        pass
 
     def __init__(self, settings: Settings, plant: Plant, dt_s: float) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Begin with the next measurement."""
         self._estimate: Any = None
 
     def update(self, measurement: Any) -> Any:
-        """The mean."""
         before = measurement if self._estimate is None else self._estimate
         self._estimate = 0.5 * (before + measurement)
         return self._estimate
@@ -119,7 +109,6 @@ class CartWithMishap(Cart):
     """A cart that is never where it should be."""
 
     def mishap(self, state: Any) -> str:
-        """Always."""
         return "it is off its place"
 
 
@@ -130,9 +119,7 @@ class Body(Cart):
     state_message = "odometry"
 
     def initial_state(self) -> Any:
-        """At its place, upright."""
         return np.array([0.0] * 6 + [1.0] + [0.0] * 6)
 
     def step(self, state: Any, before: Any, applied: Any) -> Any:
-        """It stands still."""
         return state

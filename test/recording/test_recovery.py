@@ -2,13 +2,11 @@
 """Recordings cut short or damaged anywhere: every complete chunk is recovered, and nothing else."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-from click.testing import Result
 from command_line import invoke
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
@@ -89,10 +87,6 @@ def damaged(source: Path, position: int, flipped: int, path: Path) -> Path:
     return put(path, data)
 
 
-def call(*arguments: object) -> Result:
-    return invoke("recover", *arguments)
-
-
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write(tmp_path_factory.mktemp("whole") / "run_0.mcap")
@@ -113,18 +107,12 @@ def test_a_cut_anywhere_keeps_exactly_the_whole_chunks(whole: Path, tmp_path: Pa
     assert len(seen) == len(ends) + 1
 
 
-def places(path: Path) -> Iterator[int]:
-    """One cut of every kind: in a chunk, at its end, in an index, in the summary, before and in the end."""
-    for each in chunks(path)[1::9]:
-        yield from (each.end - 20, each.end, each.end + 5)
-    size = path.stat().st_size
-    yield from (size - 300, size - 40, size - 37, size - 8, size - 1)
-
-
 @pytest.mark.parametrize("compression", list(CompressionType), ids=lambda kind: kind.name)
 def test_a_recovered_bag_is_read_by_others(tmp_path: Path, compression: CompressionType) -> None:
+    """Cut in a chunk, at its end, in an index, in the summary, before and in the end."""
     file = write(tmp_path / "whole.mcap", compression)
-    for at in places(file):
+    cuts = [each.end + offset for each in chunks(file)[1::9] for offset in (-20, 0, 5)]
+    for at in [*cuts, *(file.stat().st_size - size for size in (300, 40, 37, 8, 1))]:
         run = tmp_path / f"run_{at}"
         data = file.read_bytes()[:at]
         put(run / "run_0.mcap", data)
@@ -253,11 +241,11 @@ def test_messages_whose_channel_is_lost_are_lost_bytes(whole: Path, tmp_path: Pa
 
 def test_a_complete_bag_is_left_alone(tmp_path: Path) -> None:
     folder = write_bag(tmp_path / "run", ROWS)
-    result = call(folder)
+    result = invoke("recover", folder)
     assert result.exit_code == 0, result.output
     assert str(MESSAGES) in result.output
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
-    assert json.loads(call(folder, "--json").stdout)["whole"] is True
+    assert json.loads(invoke("recover", folder, "--json").stdout)["whole"] is True
     (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {message_count: 3}")
     assert not survey(folder).whole
 
@@ -268,14 +256,14 @@ def test_a_bag_without_metadata_gets_it_with_its_qos_and_types_once(tmp_path: Pa
     (folder / "metadata.yaml").unlink()
     (folder / "scenario.yaml").write_text("name: kept")
     assert not survey(folder).whole
-    result = call(folder)
+    result = invoke("recover", folder)
     assert result.exit_code == 0, result.output
     recovered = tmp_path / "run_recovered"
     made = {path.name: path.read_bytes() for path in recovered.iterdir()}
     assert made["metadata.yaml"].decode() == metadata.replace("run_0.mcap", "run_recovered_0.mcap")
     assert made["scenario.yaml"] == b"name: kept"
-    assert json.loads(call(recovered, "--json").stdout)["whole"] is True
-    again = call(folder)
+    assert json.loads(invoke("recover", recovered, "--json").stdout)["whole"] is True
+    again = invoke("recover", folder)
     assert again.exit_code == 2
     assert "run_recovered" in again.output
     assert {path.name: path.read_bytes() for path in recovered.iterdir()} == made
@@ -284,11 +272,11 @@ def test_a_bag_without_metadata_gets_it_with_its_qos_and_types_once(tmp_path: Pa
 def test_the_loss_is_reported_of_a_folder_or_file(whole: Path, tmp_path: Path) -> None:
     chunk = chunks(whole)[5]
     file = put(tmp_path / "run" / "run_0.mcap", whole.read_bytes()[: chunk.end + 60])
-    result = call(file.parent)
+    result = invoke("recover", file.parent)
     assert result.exit_code == 0
     for words in (f"{chunk.count}", f"{(chunk.count - 1) / 1000:.4g}", "no end"):
         assert words in result.output
-    again = json.loads(call(file, "--json").stdout)
+    again = json.loads(invoke("recover", file, "--json").stdout)
     assert again["messages"] == chunk.count
     assert again["lost_messages"] is None
     assert again["last_ns"] == ROWS[chunk.count - 1].log_time
@@ -298,7 +286,7 @@ def test_the_loss_is_reported_of_a_folder_or_file(whole: Path, tmp_path: Path) -
 @pytest.mark.parametrize("size", [0, 5, 8, 9, 60])
 def test_a_recording_without_a_message_is_refused(whole: Path, tmp_path: Path, size: int) -> None:
     put(tmp_path / "run" / "run_0.mcap", whole.read_bytes()[:size])
-    result = call(tmp_path / "run")
+    result = invoke("recover", tmp_path / "run")
     assert result.exit_code == 2
     assert "Traceback" not in result.output
     assert not (tmp_path / "run_recovered").exists()
