@@ -65,7 +65,7 @@ def extract(
         raise CommandError(f"--out and --mean are both {out}: give each a file of its own")
     time_s, angles = whole_postures(source, loaded.plant.posture)
     found = principal_components(angles)
-    if not 1 <= component <= len(found.shares):
+    if component > len(found.shares):
         raise CommandError(
             f"the postures in {source} move along {len(found.shares)} directions: choose --component from 1 to"
             f" {len(found.shares)}"

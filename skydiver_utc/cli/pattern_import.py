@@ -42,7 +42,7 @@ def import_(
     from skydiver_utc.parameters import load_scenario
 
     name = name_of(out, "", force)
-    if not 0.0 < tolerance < math.inf:
+    if tolerance <= 0.0:
         raise CommandError(f"--tolerance {tolerance:g} cannot be used: give degrees above zero, as in 0.5")
     plant = load_skydiver(scenario, settings).plant
     time_s, angles = motion.measured(source, plant)

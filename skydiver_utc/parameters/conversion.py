@@ -17,9 +17,7 @@ _DEFAULTS: Mapping[str, Any] = {"estimator": {"kind": "true_state"}, "disturbanc
 _MOST_SHOWN = 10
 # What a field must be, by pydantic's type of error and with the values of its context.
 _EXPECTED = {
-    "greater_than": "greater than {gt:g}",
     "greater_than_equal": "at least {ge:g}",
-    "less_than": "less than {lt:g}",
     "less_than_equal": "at most {le:g}",
     "int_type": "a whole number",
     "model_type": "a block of named values",
@@ -27,7 +25,6 @@ _EXPECTED = {
     "tuple_type": "a list",
     "string_type": "a text",
     "float_type": "a number",
-    "finite_number": "a finite number",
     "bool_type": "true or false",
 }
 _Settings = TypeVar("_Settings", bound=BaseModel)
@@ -158,7 +155,8 @@ def _clause(error: ErrorDetails, place: str, prefix: str, known: list[str]) -> s
         case "value_error":
             return f"{name.rstrip('.')}: {context['error']}" if name else str(context["error"])
         case kind:
-            expected = _EXPECTED.get(kind, kind.replace("_", " ")).format(**context)
+            plain = error["msg"].removeprefix("Input should be ")
+            expected = _EXPECTED[kind].format(**context) if kind in _EXPECTED else plain
             found = error["input"]
             shown = f", found {found!r}" if found is None or isinstance(found, str | int | float) else ""
             return f"parameter {name} must be {expected}{shown}"

@@ -18,28 +18,14 @@ from skydiver_utc.parameters.fields import SlotSettings
 
 
 class Kind(NamedTuple):
-    """The class of a kind, and its settings where they are not its nested class; `module:Name`, loaded when needed."""
+    """The class of a kind, and its settings where not nested in it; loaded when needed, from below skydiver_utc."""
 
     factory: str
     settings: str = ""
 
 
-_REFERENCES = "skydiver_utc.references"
-_PLANTS = "skydiver_utc.plants"
-_ESTIMATORS = "skydiver_utc.estimators"
-_CONTROLLERS = "skydiver_utc.controllers"
-_RIVALS = f"{_CONTROLLERS}.settings"
-
-_DISTURBANCES = {
-    "steady_wind": "skydiver_utc.disturbances.wind:SteadyWind",
-    "gust": "skydiver_utc.disturbances.wind:Gust",
-    "dryden": "skydiver_utc.disturbances.dryden:DrydenTurbulence",
-    "measurement_error": "skydiver_utc.disturbances.measurement_error:MeasurementError",
-    "transmission": "skydiver_utc.disturbances.transmission:Transmission",
-}
-
 # References that are functions of time: the settings hold the formula.
-_CURVE = f"{_REFERENCES}.curve:CurveReference"
+_CURVE = "references.curve:CurveReference"
 _CURVES = {
     "step": "profiles:Step",
     "ramp": "profiles:Ramp",
@@ -57,38 +43,43 @@ _CURVES = {
 
 KINDS: Mapping[str, Mapping[str, Kind]] = {
     "plant": {
-        "skydiver": Kind(
-            f"{_PLANTS}.skydiver.skydiver:SkydiverPlant",
-            "skydiver_utc.parameters.skydiver:SkydiverSettings",
-        ),
-        "linear": Kind(f"{_PLANTS}.linear:LinearPlant"),
+        "skydiver": Kind("plants.skydiver.skydiver:SkydiverPlant", "parameters.skydiver:SkydiverSettings"),
+        "linear": Kind("plants.linear:LinearPlant"),
     },
     "reference": {
-        **{kind: Kind(_CURVE, f"{_REFERENCES}.{place}") for kind, place in _CURVES.items()},
-        "combined": Kind(f"{_REFERENCES}.combined:Combined"),
-        "live": Kind(f"{_REFERENCES}.live:Live"),
+        **{kind: Kind(_CURVE, f"references.{place}") for kind, place in _CURVES.items()},
+        "combined": Kind("references.combined:Combined"),
+        "live": Kind("references.live:Live"),
     },
     "controller": {
-        "open_loop": Kind(f"{_CONTROLLERS}.open_loop:OpenLoop", f"{_RIVALS}:OpenLoopSettings"),
-        "pose": Kind(f"{_CONTROLLERS}.pose:PoseController", f"{_RIVALS}:PoseSettings"),
+        "open_loop": Kind("controllers.open_loop:OpenLoop", "controllers.settings:OpenLoopSettings"),
+        "pose": Kind("controllers.pose:PoseController", "controllers.settings:PoseSettings"),
         "utc": Kind(
-            f"{_CONTROLLERS}.utc.unscented_transform_controller:UnscentedTransformController",
-            f"{_CONTROLLERS}.utc.settings:UtcSettings",
+            "controllers.utc.unscented_transform_controller:UnscentedTransformController",
+            "controllers.utc.settings:UtcSettings",
         ),
-        "lqr": Kind(f"{_CONTROLLERS}.linear_quadratic:LinearQuadraticController", f"{_RIVALS}:LqrSettings"),
+        "lqr": Kind(
+            "controllers.linear_quadratic:LinearQuadraticController", "controllers.settings:LqrSettings"
+        ),
         "gauss_newton": Kind(
-            f"{_CONTROLLERS}.gauss_newton:GaussNewtonController", f"{_RIVALS}:GaussNewtonSettings"
+            "controllers.gauss_newton:GaussNewtonController", "controllers.settings:GaussNewtonSettings"
         ),
-        "mppi": Kind(f"{_CONTROLLERS}.path_integral:PathIntegralController", f"{_RIVALS}:MppiSettings"),
+        "mppi": Kind("controllers.path_integral:PathIntegralController", "controllers.settings:MppiSettings"),
     },
     "estimator": {
-        "true_state": Kind(f"{_ESTIMATORS}.true_state:TrueState"),
+        "true_state": Kind("estimators.true_state:TrueState"),
         "unscented_kalman_filter": Kind(
-            f"{_ESTIMATORS}.unscented_kalman_filter:UnscentedKalmanFilter",
-            f"{_ESTIMATORS}.settings:UnscentedKalmanFilterSettings",
+            "estimators.unscented_kalman_filter:UnscentedKalmanFilter",
+            "estimators.settings:UnscentedKalmanFilterSettings",
         ),
     },
-    "disturbance": {kind: Kind(place) for kind, place in _DISTURBANCES.items()},
+    "disturbance": {
+        "steady_wind": Kind("disturbances.wind:SteadyWind"),
+        "gust": Kind("disturbances.wind:Gust"),
+        "dryden": Kind("disturbances.dryden:DrydenTurbulence"),
+        "measurement_error": Kind("disturbances.measurement_error:MeasurementError"),
+        "transmission": Kind("disturbances.transmission:Transmission"),
+    },
 }
 
 
@@ -96,7 +87,7 @@ def settings_class(slot: str, kind: str) -> type[SlotSettings]:
     """The class of a kind's settings; `ParameterError` for an unknown kind, as in `factory`."""
     known = KINDS[slot].get(kind)
     own = known.settings if known else ""
-    found = _load(own) if own else getattr(factory(slot, kind), "Settings", None)
+    found = _load(f"skydiver_utc.{own}") if own else getattr(factory(slot, kind), "Settings", None)
     if not (isinstance(found, type) and issubclass(found, SlotSettings)):
         raise ParameterError(f"{kind} has no settings: write a class Settings(SlotSettings) inside it")
     return found
@@ -105,7 +96,7 @@ def settings_class(slot: str, kind: str) -> type[SlotSettings]:
 def factory(slot: str, kind: str) -> Any:
     """The class, or function, that makes what stands in a slot."""
     if kind in KINDS[slot]:
-        return _load(KINDS[slot][kind].factory)
+        return _load(f"skydiver_utc.{KINDS[slot][kind].factory}")
     module, colon, name = kind.partition(":")
     if not colon:
         known = list(KINDS[slot])
