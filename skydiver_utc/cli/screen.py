@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from skydiver_utc.cli.errors import printable
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.table import Column, Table
     from rich.text import Text
 
 # Wider than any table [columns].
@@ -42,7 +42,7 @@ def count_progress(description: str, total: int, quiet: bool) -> Iterator[Callab
         yield lambda done, now=None: bars.update(task, completed=done, description=now)
 
 
-def table(title: str, *columns: str, **options: Any) -> "Table":
+def table(title: str, *columns: "Column | str", **options: Any) -> "Table":
     """A table with these headings."""
     from rich.table import Table
     from rich.text import Text
@@ -78,6 +78,8 @@ def show_values(values: Mapping[str, Any], as_json: bool, *left_out: str) -> Non
     if as_json:
         print(json.dumps(values, indent=2))
         return
+    from rich.table import Column
+
     made, tables = facts(), []
     for name, value in _flat(values, left_out):
         blocks = _blocks(value)
@@ -87,10 +89,8 @@ def show_values(values: Mapping[str, Any], as_json: bool, *left_out: str) -> Non
         elif blocks:
             rows = [dict(_flat(block, left_out)) for block in blocks]
             names = dict.fromkeys(name for row in rows for name in row)
-            title, headings = _in_words(name)[0], [" ".join(_in_words(name)).strip() for name in names]
-            tables.append(table(title, *headings, show_edge=False, padding=0))
-            for column in tables[-1].columns:
-                column.justify = "right"
+            headings = (Column(" ".join(_in_words(name)).strip(), justify="right") for name in names)
+            tables.append(table(_in_words(name)[0], *headings, show_edge=False, padding=0))
             for row in rows:
                 tables[-1].add_row(*(_text(row.get(name), _in_words(name)[1]) for name in names))
     show_tables(made, *tables)

@@ -57,31 +57,29 @@ def write_bag(
     return folder
 
 
-def messages_in(path: Path) -> list[Message]:
+Record = tuple[Schema | None, Channel, Message]
+
+
+def records_in(path: Path) -> list[Record]:
     """The messages of an MCAP file in the order of the file, read by the mcap library."""
     with path.open("rb") as stream:
-        return [message for _, _, message in make_reader(stream).iter_messages(log_time_order=False)]
+        return list(make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False))
+
+
+def messages_in(path: Path) -> list[Message]:
+    return [message for _, _, message in records_in(path)]
 
 
 def stored(folder: Path) -> list[Row]:
     """The messages of a bag folder in the order of its file."""
     (path,) = folder.glob("*.mcap")
-    with path.open("rb") as stream:
-        return [
-            Row(channel.topic, message.log_time, message.publish_time, message.data)
-            for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages(
-                log_time_order=False
-            )
-        ]
+    return [Row(c.topic, m.log_time, m.publish_time, m.data) for _, c, m in records_in(path)]
 
 
 def metadata_of(folder: Path) -> dict[str, Any]:
     """The content of metadata.yaml."""
     content = yaml.safe_load((folder / "metadata.yaml").read_text())
     return dict(content["rosbag2_bagfile_information"])
-
-
-Record = tuple[Schema | None, Channel, Message]
 
 
 def rewritten(
@@ -94,11 +92,11 @@ def rewritten(
     """The MCAP file of a bag written again, each record after `edit`, by the library's writer and its options."""
     (file,) = source.glob("*.mcap")
     target.parent.mkdir(parents=True, exist_ok=True)
-    with file.open("rb") as stream, target.open("wb") as out:
+    with target.open("wb") as out:
         writer = Writer(out, **options)
         writer.start(profile="ros2")
         channels: dict[Any, int] = {}
-        for record in make_reader(stream).iter_messages(log_time_order=False):
+        for record in records_in(file):
             schema, channel, message = edit(copy.deepcopy(record))
             key = channel.topic, channel.message_encoding, schema and schema.data
             if key not in channels:
