@@ -45,25 +45,26 @@ def recover(folder: Path, out: Path | None, as_json: bool) -> None:
     }
     if as_json:
         print(json.dumps(values, indent=2))
-    elif into is None:
+        return
+    if into is None:
         show_lines(f"{found.path} is complete ({found.message_count} messages), there is nothing to recover")
-    else:
+        return
 
-        def since_first(ns: int | None) -> float | None:
-            return None if ns is None or first is None else seconds(ns - first)
+    def since_first(ns: int | None) -> float | None:
+        return None if ns is None or first is None else seconds(ns - first)
 
-        values["messages_until_s"] = since_first(last)
-        values["losses"] = [
-            {
-                "file": loss.file,
-                "unreadable bytes": loss.byte_count,
-                "after_s": since_first(loss.after_ns),
-                "before_s": since_first(loss.before_ns),
-            }
-            for loss in found.losses
-        ]
-        show_values(values, False, "whole", "first_ns", "last_ns")
-        if found.lost_messages is None:
-            show_lines(
-                "the recording has no end: about the last half second before the recorder was killed is lost"
-            )
+    values["messages_until_s"] = since_first(last)
+    values["losses"] = [
+        {
+            "file": loss.file,
+            "unreadable bytes": loss.byte_count,
+            "after_s": since_first(loss.after_ns),
+            "before_s": since_first(loss.before_ns),
+        }
+        for loss in found.losses
+    ]
+    show_values(values, False, "whole", "first_ns", "last_ns")
+    if found.lost_messages is None:
+        show_lines(
+            "the recording has no end: about the last half second before the recorder was killed is lost"
+        )

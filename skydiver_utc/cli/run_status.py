@@ -47,8 +47,8 @@ class RunStatus:
         """Take in a report of a run's plant."""
         run = self._runs[name]
         run.receive(report)
-        if not self._on_screen and run.line_is_due():
-            self._console.print(Text(run.line()), soft_wrap=True)
+        if not self._on_screen and (line := run.line()):
+            self._console.print(Text(line), soft_wrap=True)
 
     def _table(self) -> Table:
         made = table("", *_COLUMNS)
@@ -87,14 +87,11 @@ class _Run:
         error = self._error(step, report["outputs"])
         self.cells[1:] = ["flying", simulated, rate, error, printable(controls), late]
 
-    def line_is_due(self) -> bool:
-        """True once in some seconds."""
-        if due := time.monotonic() - self._line_at >= LINE_PERIOD_S:
-            self._line_at = time.monotonic()
-        return due
-
     def line(self) -> str:
-        """The row in words."""
+        """The row in words, once in some seconds; empty in between."""
+        if time.monotonic() - self._line_at < LINE_PERIOD_S:
+            return ""
+        self._line_at = time.monotonic()
         name, phase, *cells = self.cells
         return f"{name}: {phase}, " + ", ".join(map(" ".join, zip(_COLUMNS[2:], cells, strict=True)))
 

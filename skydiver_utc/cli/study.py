@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``skydiver-utc study``: the runs of a study file, and one of them again."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -64,14 +62,25 @@ def run_study(
     from skydiver_utc.studies.workers import AT_ONCE_ON_CLUSTER, executor
 
     plan = Plan(load_study(name))
-    folder = _folder(plan, out)
+    folder, total = _folder(plan, out), sum(1 for _ in plan.design.numbers())
     with executor(workers, scheduler) as pool:
         plan.check(pool)
         prepare_folder(folder)
-        with ledger(folder, plan.study.name, plan.digest) as found, _progress(plan, quiet) as progress:
+        with (
+            ledger(folder, plan.study.name, plan.digest) as found,
+            count_progress(plan.study.name, total, quiet) as bar,
+        ):
+
+            def show(tally: "Tally") -> None:
+                shares = ", ".join(
+                    f"{100.0 * n / tally.done:.0f} % {end}" for end, n in tally.outcomes.most_common()
+                )
+                interval = f"interval {100.0 * tally.widest():.1f} %"
+                bar(tally.done, f"{plan.study.name}: {shares}, {interval}" if shares else None)
+
             at_once = AT_ONCE_ON_CLUSTER if scheduler else 2 * workers
             try:
-                rows = fly_study(plan, found, pool, at_once, progress, until)
+                rows = fly_study(plan, found, pool, at_once, show, until)
             except StudyStoppedError as error:
                 kept = f"{len(found.rows())} runs stand in {folder / FILE}, the same command continues"
                 raise StudyStoppedError(f"{error}: {kept}") from error
@@ -133,21 +142,3 @@ def show_run(name: str, number: int, out: Path | None, record: bool, as_json: bo
 
 def _folder(plan: "Plan", out: Path | None) -> Path:
     return out or Path("studies") / plan.study.name
-
-
-@contextmanager
-def _progress(plan: "Plan", quiet: bool) -> Iterator["Callable[[Tally], None]"]:
-    """A bar with the number of runs, the shares of their outcomes, and the widest interval of a success."""
-    total = sum(1 for _ in plan.design.numbers())
-    with count_progress(plan.study.name, total, quiet) as bar:
-
-        def show(tally: "Tally") -> None:
-            shares = ", ".join(
-                f"{100.0 * n / tally.done:.0f} % {end}" for end, n in tally.outcomes.most_common()
-            )
-            bar(
-                tally.done,
-                f"{plan.study.name}: {shares}, interval {100.0 * tally.widest():.1f} %" if shares else None,
-            )
-
-        yield show
