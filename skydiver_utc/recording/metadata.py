@@ -8,7 +8,7 @@ from typing import Any
 
 from skydiver_utc.errors import ParameterError, RecordingError
 from skydiver_utc.parameters.yaml_io import load_yaml, write_yaml
-from skydiver_utc.recording.mcap_file import LAST_TIME_NS, StoredTopic
+from skydiver_utc.recording.mcap_file import LAST_TIME_NS, McapFile, StoredTopic
 
 METADATA_FILE = "metadata.yaml"
 QOS_KEY, HASH_KEY = "offered_qos_profiles", "topic_type_hash"  # in the metadata of a channel
@@ -32,28 +32,19 @@ def offered_qos(depth: int, reliability: str, durability: str) -> str:
     return write_yaml([profile])
 
 
-def metadata_yaml(
-    mcap_name: str,
-    topics: Sequence[StoredTopic],
-    log_span_ns: tuple[int, int] | None,
-    message_compression: str = "",
-) -> str:
-    """The text of `metadata.yaml` for a bag of one file.
-
-    `log_span_ns` is the first and the last log time in ns, None for a bag without messages; `message_compression` is
-    the format in which each message is compressed by itself.
-    """
-    first, last = log_span_ns or (LAST_TIME_NS, LAST_TIME_NS)  # as rosbag2
+def metadata_yaml(mcap_name: str, mcap: McapFile, message_compression: str = "") -> str:
+    """The text of `metadata.yaml` for a bag of one file; `message_compression` is that of each message by itself."""
+    first, last = mcap.log_span_ns or (LAST_TIME_NS, LAST_TIME_NS)  # as rosbag2
     span = {
         "duration": {"nanoseconds": last - first},
         "starting_time": {"nanoseconds_since_epoch": first},
-        "message_count": sum(topic.message_count for topic in topics),
+        "message_count": sum(topic.message_count for topic in mcap.topics),
     }
     information = {
         "version": _VERSION,
         "storage_identifier": "mcap",
         **span,
-        "topics_with_message_count": _topic_entries(topics),
+        "topics_with_message_count": _topic_entries(mcap.topics),
         # These two are about compression by rosbag2 itself; chunks are compressed by the MCAP library.
         "compression_format": message_compression,
         "compression_mode": "MESSAGE" if message_compression else "",

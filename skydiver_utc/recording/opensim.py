@@ -38,9 +38,7 @@ _OF_A_SIDE = {
     "arm_add": _Part("shoulder_abduction", -1.0),
     "arm_rot": _Part("shoulder_rotation", 1.0),
     "elbow_flex": _Part("elbow_flexion", 1.0),
-    "pro_sup": _Part(
-        "elbow_rotation", 1.0, 90.0
-    ),  # zero with the palm forwards, here with the palm to the thigh
+    "pro_sup": _Part("elbow_rotation", 1.0, 90.0),  # zero: the palm forwards, here to the thigh
     "wrist_flex": _Part("wrist_abduction", -1.0),
     "wrist_dev": _Part("wrist_flexion", -1.0),
 }

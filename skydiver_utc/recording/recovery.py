@@ -87,11 +87,8 @@ def recover(path: Path, folder: Path, beside: dict[str, str] | None = None) -> S
             for file in bag_files(path):
                 mcap.write(_copied(file, mcap, _places(file, mcap)))
             mcap.finish()
-        write_file(
-            draft / METADATA_FILE,
-            metadata_yaml(name, mcap.topics, mcap.log_span_ns, "zstd" if found.compressed else ""),
-        )
-        for other, text in (beside or {}).items():
+        metadata = metadata_yaml(name, mcap, "zstd" if found.compressed else "")
+        for other, text in {METADATA_FILE: metadata, **(beside or {})}.items():
             write_file(draft / other, text)
     return found
 

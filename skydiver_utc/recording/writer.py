@@ -129,7 +129,7 @@ class BagWriter(AbstractContextManager["BagWriter"]):
                 self._mcap.finish()
                 self._stream.flush()
                 os.fsync(self._stream.fileno())
-            text = metadata_yaml(self.mcap_path.name, self._mcap.topics, self._mcap.log_span_ns)
+            text = metadata_yaml(self.mcap_path.name, self._mcap)
             write_file(self.folder / METADATA_FILE, text)
         except Exception as error:  # raised in the caller's thread by its next call
             self._failure = error
