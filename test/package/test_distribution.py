@@ -59,9 +59,8 @@ def test_help_shows_the_public_names_and_the_package_is_a_command() -> None:
     for name in skydiver_utc.__all__:
         assert hasattr(skydiver_utc, name)
         assert name in shown
-    assert {"Plant", "Controller", "Scenario", "simulate", "UnscentedTransformController"} <= set(
-        skydiver_utc.__all__
-    )
+    public = {"Plant", "Controller", "Scenario", "simulate", "UnscentedTransformController"}
+    assert public <= set(skydiver_utc.__all__)
     with pytest.raises(AttributeError):
         skydiver_utc.nothing  # noqa: B018
     code, stdout, _ = call("--help", folder=ROOT)

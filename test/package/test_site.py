@@ -18,21 +18,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Built as by `make docs`: a warning, such as a link that leads nowhere, is an error."""
     pytest.importorskip("sphinx", reason="needs the extra docs")
     folder = tmp_path_factory.mktemp("site")
-    options = [
-        "-W",
-        "--keep-going",
-        "--quiet",
-        "-c",
-        "docs",
-        "-d",
-        str(folder / "doctrees"),
-        "-D",
-        "plot_gallery=0",
-    ]
-    built = subprocess.run(
-        [sys.executable, "-m", "sphinx", "-b", "html", *options, ".", str(folder / "html")],
-        cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    options = f"-W --keep-going --quiet -b html -c docs -d {folder / 'doctrees'} -D plot_gallery=0".split()
+    command = [sys.executable, "-m", "sphinx", *options, ".", str(folder / "html")]
+    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
     return folder / "html"
 
@@ -53,11 +41,8 @@ def test_the_first_screen_shows_the_body_the_turn_and_three_doors(site: Path, op
         assert shown.colours("img[src$='skydiver.gif']") > 10
         assert shown.colours("img[src$='fast_turn_unknown_dynamics.png']") > 10
     doors = shown.page.locator(".sd-card a")
-    assert [Path(doors.nth(i).get_attribute("href") or "").stem for i in range(3)] == [
-        "library",
-        "ros",
-        "skydiver",
-    ]
+    pages = [Path(doors.nth(i).get_attribute("href") or "").stem for i in range(3)]
+    assert pages == ["library", "ros", "skydiver"]
 
 
 def test_it_can_be_read_on_a_telephone(site: Path, open_page: OpenPage) -> None:
