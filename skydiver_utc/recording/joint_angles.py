@@ -4,15 +4,16 @@
 import csv
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from skydiver_utc.arrays import Array
 from skydiver_utc.errors import RecordingError, hint
+from skydiver_utc.messages.named import read_named
 from skydiver_utc.parameters.nanoseconds import seconds, stamp_ns
 from skydiver_utc.recording.number_table import numbers, refuse_twice, text_of
 from skydiver_utc.recording.opensim import ENDINGS, read_opensim
@@ -44,33 +45,27 @@ def read_joint_angles(path: Path, known: Sequence[str]) -> JointAngles:
 
 def _from_bag(path: Path, known: Sequence[str]) -> JointAngles:
     """The first message of each stamp; time begins with the first message."""
-    by_stamp: dict[int, Sequence[float]] = {}
+    by_stamp: dict[int, Array] = {}
     name = f"{namespace_of(read_bag(path), _TOPIC)}/{_TOPIC}"
     topic = read_bag(path, [name])[name]
-    fitting = [message for message in topic.readable if message is not None and _fits(message, known)]
+    fitting = 0
+    for message in filter(None, topic.readable):
+        with suppress(AttributeError, TypeError, ValueError):  # of other joints, or of another type
+            values = read_named(message, known)
+            by_stamp.setdefault(stamp_ns(message.header.stamp), values)
+            fitting += 1
     if not fitting:
         raise RecordingError(
             f"{name} in {path} does not hold the {len(known)} joint angles of this version: record the run again"
         )
-    for message in fitting:
-        by_stamp.setdefault(stamp_ns(message.header.stamp), message.position)
     stamps = sorted(by_stamp)
-    left_out = len(topic) - len(fitting) + topic.left_out
+    left_out = len(topic) - fitting + topic.left_out
     return JointAngles(
         time_s=np.array([seconds(stamp - stamps[0]) for stamp in stamps]),
         names=tuple(known),
-        values=np.array([by_stamp[stamp] for stamp in stamps], dtype=float),
+        values=np.array([by_stamp[stamp] for stamp in stamps]),
         note=f"{left_out} recorded postures cannot be used and are left out" if left_out else "",
     )
-
-
-def _fits(message: Any, known: Sequence[str]) -> bool:
-    """True for finite values of the known joint angles in their order, with a stamp."""
-    try:
-        named = tuple(message.name) == tuple(known) and len(message.position) == len(known)
-        return named and bool(np.isfinite(message.position).all()) and hasattr(message, "header")
-    except (AttributeError, TypeError):  # of another type
-        return False
 
 
 def _from_csv(path: Path, known: Sequence[str]) -> JointAngles:

@@ -19,7 +19,6 @@ from package_files import PACKAGE, ROOT, imports, is_ros, modules
 
 import skydiver_utc
 
-NAME = "skydiver_utc"
 NODES = tuple(path.stem for path in (PACKAGE / "nodes").glob("*_node.py"))
 # Libraries by another name than their distribution, or that come with another one.
 DISTRIBUTIONS = {
@@ -51,7 +50,7 @@ def test_setup_and_manifest_agree(setup_arguments: dict[str, Any], manifest: Ele
     assert manifest.findtext("export/build_type") == "ament_python"
     assert skydiver_utc.__version__ == setup_arguments["version"]
     assert (PACKAGE / "py.typed").is_file()
-    assert "py.typed" in setup_arguments["package_data"][NAME]
+    assert "py.typed" in setup_arguments["package_data"]["skydiver_utc"]
 
 
 def test_help_shows_the_public_names_and_the_package_is_a_command() -> None:

@@ -29,13 +29,13 @@ def test_a_posture_that_cannot_be_used_is_left_out(tmp_path):
     postures = np.random.default_rng(1).normal(size=(4, 45))
     postures[2, 7] = np.nan
     rows = [named(run.scenario, k, NAMES, row) for k, row in enumerate(postures)]
-    rows += [named(run.scenario, 4, NAMES, np.zeros(44)), named(run.scenario, 5, NAMES[::-1], np.zeros(45))]
+    rows += [named(run.scenario, 4, NAMES, np.zeros(44)), named(run.scenario, 5, NAMES[::-1], postures[1])]
     steps = enumerate([*rows, b"no message"])
     never = 2**63 // run.scenario.dt_ns + 1
     edit = added(*(("joint_states", JOINTS, k, row) for k, row in [*steps, (never, b"")]))
     found = read_joint_angles(write_run(tmp_path / "run", run, edit), NAMES)
-    np.testing.assert_array_equal(found.values, postures[[0, 1, 3]])
-    assert found.note.startswith("5 ")
+    np.testing.assert_array_equal(found.values, [*postures[[0, 1, 3]], postures[1][::-1]])
+    assert found.note.startswith("4 ")
 
 
 def test_a_bag_of_other_joints_or_of_none_is_refused(tmp_path):
