@@ -8,7 +8,6 @@ from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
-from skydiver_utc.errors import RecordingError
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.messages import MessageError, Refusals
 from skydiver_utc.messages.texts import read_outcome, run_id_of
@@ -70,10 +69,7 @@ class RunMonitor:
         return self._begin_ns if self.newest_ns is None else self.newest_ns
 
     def _stamp_ns(self, cdr: bytes) -> int:
-        try:
-            stamp_ns = leading_stamp_ns(cdr)
-        except RecordingError as error:
-            raise MessageError("stamp", str(error)) from error
+        stamp_ns = leading_stamp_ns(cdr)
         if self.newest_ns is None and stamp_ns > self._begin_ns + self._length_ns:
             self._begin_ns = stamp_ns
         if not self._begin_ns <= stamp_ns <= self._begin_ns + self._length_ns:

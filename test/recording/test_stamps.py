@@ -4,9 +4,8 @@
 import struct
 
 import pytest
-from refusals import assert_refused
 
-from skydiver_utc.errors import RecordingError
+from skydiver_utc.messages.errors import MessageError
 from skydiver_utc.recording.stamps import leading_stamp_ns
 
 LITTLE, BIG = b"\x00\x01\x00\x00", b"\x00\x00\x00\x00"
@@ -30,4 +29,5 @@ def test_both_byte_orders(header, order, sec, nanosec):
     ],
 )
 def test_what_is_no_stamp_is_refused(cdr, words):
-    assert_refused(words, leading_stamp_ns, cdr, kind=RecordingError)
+    with pytest.raises(MessageError, match=words):
+        leading_stamp_ns(cdr)
