@@ -85,7 +85,7 @@ def spike(at, width):
 
 
 @pytest.mark.parametrize(
-    ("nodes", "keyframes"), [(9, None), (17, None), (65, spike(1.02, 0.01)), (65, spike(0.4, 0.02))]
+    ("nodes", "keyframes"), [(9, None), (17, None), (65, spike(1.024, 0.006)), (65, spike(0.4, 0.02))]
 )
 def test_a_table_too_coarse_for_its_path_is_refused(nodes, keyframes):
     words = (f"plant.pattern_nodes = {nodes} is too few for pattern layout", "raise plant.pattern_nodes")
