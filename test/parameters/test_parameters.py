@@ -105,7 +105,7 @@ HALF = {"left_hip": [0.6, 0.0, 0.0]}
         *(({"dt_s": value}, ["dt_s", str(value)]) for value in (-0.0042, 0, 2)),
         ({"dt_s": 0.00420000001}, ["dt_s", "nanoseconds"]),
         ({"duration_s": 0.001}, ["duration_s"]),
-        ({"plant.limits.alpha": [1.5, -1.5]}, ["alpha", "upside down", "1.5, -1.5"]),
+        ({"plant.limits.alpha": [1.5, -1.5]}, ["alpha", "upside down", "of 1.5, -1.5"]),
         ({"plant.limits.alpha": [0.5, 0.5]}, ["alpha", "upside down"]),
         (
             {"plant.subject.joint_limits.ranges_deg.knee.flexion": [10, -10]},

@@ -49,7 +49,7 @@ def test_messages_times_and_sequence_numbers(tmp_path: Path) -> None:
 
 
 def test_metadata_has_counts_times_qos_and_no_alias(tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "run_1") as bag:
+    with BagWriter(tmp_path / "run_1", beside={"scenario.yaml": "name: x"}) as bag:
         channel = bag.add_topic("/text", *STRING, yaml.safe_dump([QOS, QOS]))
         bag.add_topic("/silent", *STRING, "")
         for k in (3, 1, 2):
@@ -68,7 +68,11 @@ def test_metadata_has_counts_times_qos_and_no_alias(tmp_path: Path) -> None:
     assert text["topic_metadata"]["offered_qos_profiles"] == [QOS, QOS]
     assert text["topic_metadata"]["type_description_hash"] == STRING[2]
     assert silent["topic_metadata"]["offered_qos_profiles"] == []
-    assert sorted(path.name for path in bag.folder.iterdir()) == ["metadata.yaml", "run_1_0.mcap"]
+    assert sorted(path.name for path in bag.folder.iterdir()) == [
+        "metadata.yaml",
+        "run_1_0.mcap",
+        "scenario.yaml",
+    ]
 
 
 @pytest.mark.parametrize(
