@@ -22,17 +22,25 @@ def load(scenario: str, settings: Sequence[str]) -> "Scenario":
 
 
 def load_skydiver(scenario: str, settings: Sequence[str]) -> "Scenario":
-    """The same; another plant, for which settings of a skydiver are wrong, is refused before them."""
+    """The same; a scenario with another plant is refused."""
+    try:
+        loaded = load(scenario, settings)
+    except ParameterError:
+        # Settings of a skydiver are wrong for another plant: its kind is the reason.
+        _refuse_other_plants(load(scenario, ()))
+        raise
+    _refuse_other_plants(loaded)
+    return loaded
+
+
+def _refuse_other_plants(loaded: "Scenario") -> None:
     from skydiver_utc.parameters import SkydiverSettings
 
-    for given in ((), settings):
-        loaded = load(scenario, given)
-        if not isinstance(loaded.plant, SkydiverSettings):
-            raise CommandError(
-                f"this command is for the skydiver, the plant of {loaded.name} is {loaded.plant.kind}:"
-                " choose another scenario"
-            )
-    return loaded
+    if not isinstance(loaded.plant, SkydiverSettings):
+        raise CommandError(
+            f"this command is for the skydiver, the plant of {loaded.name} is {loaded.plant.kind}:"
+            " choose another scenario"
+        )
 
 
 def parse_setting(setting: str) -> tuple[str, object]:
