@@ -20,7 +20,7 @@ INERTIA_AT = 9 * SEGMENT_COUNT
 SWING_AT = INERTIA_AT + 6
 GEOMETRY_SIZE = SWING_AT + 3
 # Rows of a step's scratch; drift: velocities of segments by limb motion; kept: the geometry's pattern angle, or NaN.
-_WORK_ROWS = ("geometry", "inverse", "drift", "load", "slope", "probe", "following", "kept")
+_WORK_ROWS = 8
 # Rows and columns of xx, yy, zz, xy, xz, yz.
 _SYMMETRIC = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 
@@ -79,7 +79,7 @@ def build_model(settings: SkydiverSettings, dt_s: float, moves: Movement | None 
         control_max=np.array(settings.limits.maximum),
         alpha_slew=settings.limits.alpha_rate * dt_s,
         dt=dt_s,
-        work=np.full((len(_WORK_ROWS), GEOMETRY_SIZE), np.nan),
+        work=np.full((_WORK_ROWS, GEOMETRY_SIZE), np.nan),
     )
 
 
