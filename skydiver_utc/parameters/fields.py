@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The unit, description and bounds of a setting."""
 
-from typing import Any
+from typing import Any, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from typing_extensions import Self
@@ -15,8 +15,16 @@ class Parameters(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _rows_as_tuples(cls, content: Any) -> Any:
-        """YAML's lists as the tuples that frozen settings hold."""
-        return _tuples(content) if isinstance(content, dict) else content
+        """YAML's lists as the tuples that frozen settings hold, but for a field that is a list."""
+        if not isinstance(content, dict):
+            return content
+        kinds = {name: field.annotation for name, field in cls.model_fields.items()}
+        kept = {
+            name
+            for name, kind in kinds.items()
+            if list in (kind, get_origin(kind)) or (isinstance(kind, type) and issubclass(kind, Parameters))
+        }
+        return {name: value if name in kept else _tuples(value) for name, value in content.items()}
 
     def __hash__(self) -> int:
         return hash(self.model_dump_json())

@@ -16,6 +16,7 @@ class Wave:
     class Settings(SlotSettings):
         height: Annotated[float, quantity("rad/s", "height of the wave", gt=0)]
         pattern: str = "steep"
+        shares: list[float] = []
 
 class Bare:
     pass
@@ -47,8 +48,9 @@ def load(tmp_path):
 
 
 def test_a_kind_of_one_s_own_is_found_beside_its_scenario_and_comes_back(load):
-    scenario = load("kind: 'own_waves:Wave', height: 2, pattern: turn")
+    scenario = load("kind: 'own_waves:Wave', height: 2, pattern: turn, shares: [0.5, 1]")
     assert (scenario.reference.height, scenario.reference.pattern) == (2.0, "turn")
+    assert scenario.reference.shares == [0.5, 1.0]
     assert from_yaml(to_yaml(scenario)) == scenario
 
 

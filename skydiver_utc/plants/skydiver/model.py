@@ -19,8 +19,8 @@ SEGMENT_COUNT = 16
 INERTIA_AT = 9 * SEGMENT_COUNT
 SWING_AT = INERTIA_AT + 6
 GEOMETRY_SIZE = SWING_AT + 3
-# Rows of a step's scratch: geometry, inverse, drift (velocities of segments by limb motion), load, slope, probe, following
-# and kept (the pattern angle of the geometry, or NaN).
+# Rows of a step's scratch: geometry, inverse, drift (velocities of segments by limb motion), load, slope, probe,
+# following, and kept (the pattern angle of the geometry, or NaN).
 _WORK_ROWS = 8
 # Rows and columns of xx, yy, zz, xy, xz, yz.
 _SYMMETRIC = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
