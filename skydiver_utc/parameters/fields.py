@@ -19,12 +19,13 @@ class Parameters(BaseModel):
         if not isinstance(content, dict):
             return content
         kinds = {name: field.annotation for name, field in cls.model_fields.items()}
-        kept = {
-            name
-            for name, kind in kinds.items()
-            if list in (kind, get_origin(kind)) or (isinstance(kind, type) and issubclass(kind, Parameters))
+        lists = {name for name, kind in kinds.items() if list in (kind, get_origin(kind))}
+        # On Python 3.10 tuple[float, ...] counts as a class.
+        classes = {name: kind for name, kind in kinds.items() if get_origin(kind) is None}
+        blocks = {
+            name for name, kind in classes.items() if isinstance(kind, type) and issubclass(kind, Parameters)
         }
-        return {name: value if name in kept else _tuples(value) for name, value in content.items()}
+        return {name: value if name in lists | blocks else _tuples(value) for name, value in content.items()}
 
     def __hash__(self) -> int:
         return hash(self.model_dump_json())
