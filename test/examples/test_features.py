@@ -13,7 +13,7 @@ from skydiver_utc import FunctionPlant, UnscentedTransformController, UtcSetting
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "features"
-PAGE = (ROOT / "docs" / "features.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "library.md").read_text(encoding="utf-8")
 FACTS = {
     "accuracy": lambda x: x["accurate"][0] < x["calm"][0] and x["accurate"][1] > 1.5 * x["calm"][1],
     "after_reference": lambda x: x["result"].control[0] == -0.5,
