@@ -5,7 +5,7 @@ A `kernel` is compiled into those that call it. A `program` is what Python calls
 `address`: it alone is kept on disk, so what it computes never depends, to the last bit, on what came from there.
 The model that a controller predicts with is called by address: a controller's program is the same for all of them.
 
-Numba counts references to arrays in functions of users and in `allocating` kernels only: the package's make no arrays.
+Numba counts references to arrays in functions of users and in `allocating` kernels only; others make no arrays.
 Contraction, reassociation and unsigned zeros let loops over segments become vector code; NaN and infinity keep their
 meaning in comparisons (np.isfinite of a sum may be folded away: write abs(x) < inf).
 Numba renews a program when its own file changes, but not when a kernel from another file does; so the package's
@@ -47,7 +47,7 @@ _OPTIONS: Any = {
     "error_model": "numpy",
     "no_cfunc_wrapper": True,
 }
-_ROOMS_WITH_KERNELS = ("body", "plants", "unscented", "controllers", "estimators", "disturbances")
+_ROOMS_WITH_KERNELS = ("plants", "unscented", "controllers", "estimators", "disturbances")
 
 
 class _Blas(ModuleType):
@@ -354,7 +354,7 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         with suppress(_UnknownContentsError):
             if self._counts_references:
                 return super().load_overload(sig, target_context)
-            # Without numba's compiler, whose import takes longer than a flight.
+            # Without numba's implementations of functions, whose import takes longer than a flight.
             with self._guard_against_spurious_io_errors():
                 return self._load_overload(sig, target_context)
         return None

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from skydiver_utc.cli import options
+from skydiver_utc.cli.errors import CommandError
 from skydiver_utc.cli.screen import show_lines, show_values
 
 
@@ -25,6 +26,8 @@ def recover(folder: Path, out: Path | None, as_json: bool) -> None:
     from skydiver_utc.parameters.run_folder import SCENARIO_FILE, VERSIONS_FILE, text_of
     from skydiver_utc.recording import recovery
 
+    if out is not None and out.exists():
+        raise CommandError(f"{out} exists already: name another folder, or move this one away")
     found = recovery.survey(folder)
     into = None
     if not found.whole:

@@ -83,7 +83,7 @@ def run_study(
                 rows = fly_study(plan, found, pool, at_once, show, until)
             except StudyStoppedError as error:
                 kept = f"{len(found.rows())} runs stand in {folder / FILE}, the same command continues"
-                raise StudyStoppedError(f"{error}: {kept}") from error
+                raise CommandError(f"{error}: {kept}", FAILED) from error
     write_report(folder, plan, rows)
     failed = sum(row.outcome == FAILED_RUN for row in rows)
     show_lines(f"{len(rows)} runs, {failed} failed: {folder / REPORT}")

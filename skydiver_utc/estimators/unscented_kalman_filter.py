@@ -156,8 +156,8 @@ class UnscentedKalmanFilter(Estimator):
         row = self._k % len(self._readings)
         for reading in self._readings[row]:
             first, end = self._place[reading.sensor : reading.sensor + 2]
-            told = (reading.sensor, reading.step) in new
-            out = self.telemetry[first:end] if told else np.empty(end - first)
+            is_new = (reading.sensor, reading.step) in new
+            out = self.telemetry[first:end] if is_new else np.empty(end - first)
             self._correct[reading.sensor](reading.values, self._controls[row], out)
 
     def _correction(

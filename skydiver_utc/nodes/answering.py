@@ -37,7 +37,10 @@ class AnsweringNode(ScenarioNode):
         self.get_logger().info("building")
         true_plant = build_true_plant(self.scenario)
         self.plant = model_beside(true_plant, self.scenario)
-        self.disturbance = build_disturbances(self.scenario, true_plant)
+        # Of what is measured: by the estimator, or else by the controller; a real vehicle has its own.
+        measures = (self.KIND == topics.ESTIMATOR) == self.scenario.has_estimator
+        measures = measures and self.settings.mode != "vehicle"
+        self.disturbance = build_disturbances(self.scenario, true_plant) if measures else None
         self.lockstep = self.settings.mode == "lockstep"
         self.newest = None if self.lockstep else topics.NEWEST  # quality of service of what it answers
         self.tuned = TunedScenario(self.scenario, getattr(self.settings, "delay_steps", 0))

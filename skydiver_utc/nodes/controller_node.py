@@ -68,9 +68,7 @@ class ControllerNode(AnsweringNode):
         self.out = self._advertise_command()
         self._telemetry = StampedTopic(self, topics.TELEMETRY, ())
         self._vehicle_clock = self.publisher(topics.CLOCK) if self.settings.publish_clock else None
-        measures = not (self._vehicle or self.scenario.has_estimator)
-        disturbance = self.disturbance if measures else None
-        self._decider = Decider(self._build(self.scenario), TrueState(), self.plant, disturbance)
+        self._decider = Decider(self._build(self.scenario), TrueState(), self.plant, self.disturbance)
         self._use(self._decider.controller)
         self.subscribe(topics.REFERENCE_PREVIEW, self.on_preview)
         self.add_on_set_parameters_callback(self._on_set_parameters)

@@ -226,9 +226,18 @@ class ScenarioNode(ManagedNode):
     def _elsewhere(self) -> str:
         """The other namespaces in which there is a state, a reference or a command: the partner may be there."""
         own = self.get_namespace().rstrip("/")
-        partners = {topic.name for topic in (topics.STATE, topics.REFERENCE_PREVIEW, topics.COMMAND)}
-        split = [name.rpartition("/") for name, _ in self.get_topic_names_and_types()]
-        found = {place or "/" for place, _, relative in split if relative in partners and place != own}
+        partners = (topics.STATE, topics.REFERENCE_PREVIEW, topics.COMMAND)
+        of = {
+            (topic.name, topic.of_type(each).type_name)
+            for topic in partners
+            for each in topic.types or (topic.type,)
+        }
+        split = [(*name.rpartition("/"), types) for name, types in self.get_topic_names_and_types()]
+        found = {
+            place or "/"
+            for place, _, relative, types in split
+            if place != own and any((relative, each) in of for each in types)
+        }
         return f"; this is namespace {own or '/'}, others run in {', '.join(sorted(found))}" if found else ""
 
 

@@ -20,6 +20,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.validate_namespace import validate_namespace
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -51,11 +52,12 @@ class ObservedRun:
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self.namespace, self.ended = namespace.strip("/"), False
         try:
-            self._node = Node("view", namespace=self.namespace, context=context)
+            validate_namespace(f"/{self.namespace}")
         except InvalidNamespaceException as error:
             raise ParameterError(
                 f"{namespace!r} is not a valid namespace: take the name of a run, such as skydiver"
             ) from error
+        self._node = Node("view", namespace=self.namespace, context=context)
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self._node)
         self._scenario: Scenario | None = None

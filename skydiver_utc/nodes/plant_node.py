@@ -74,6 +74,7 @@ class PlantNode(ScenarioNode):
         self.subscribe(topics.RECORDER_READY, self.on_recorder_ready)
         self.subscribe(topics.PUSH, self.on_push)
         self.create_service(Trigger, topics.RESET_SERVICE, self.on_reset)
+        self._pace = self._new_pace()
 
     def configure(self) -> None:
         """Go to the scenario's beginning, under a new id of the run."""
@@ -81,10 +82,7 @@ class PlantNode(ScenarioNode):
         self.run_id = uuid.uuid4().hex
         self.run.reset()
         self._command_of_pause: Any = None  # the step that it answers waits for the end of a pause
-        s, dt_s = self.settings, self.scenario.dt_s
-        after, ramp = round(s.neutral_after_s / dt_s), round(s.neutral_time_s / dt_s)
-        account = CommandAccount(self.scenario.steps, self.run.plant.initial_control(), after, ramp)
-        self._pace = RealTimePace(account, self.scenario.dt_ns, self._step, self._now_ns)
+        self._pace = self._new_pace()
         self._scenarios.publish(String(data=scenario_text(to_yaml(self.scenario), self.run_id)))
         self.get_logger().info(
             f"{self.scenario.steps} steps of {self.scenario.dt_s * 1e3:g} ms,"
@@ -208,6 +206,12 @@ class PlantNode(ScenarioNode):
         self._abort("stopped by a signal")
         wait_for_subscribers(self, self._advertised.values(), _LAST_ACKNOWLEDGEMENT_S)
         return super().close() or (0 if self.run.outcome in _EXIT_ZERO else FAILED)
+
+    def _new_pace(self) -> RealTimePace:
+        s, dt_s = self.settings, self.scenario.dt_s
+        after, ramp = round(s.neutral_after_s / dt_s), round(s.neutral_time_s / dt_s)
+        account = CommandAccount(self.scenario.steps, self.run.plant.initial_control(), after, ramp)
+        return RealTimePace(account, self.scenario.dt_ns, self._step, self._now_ns)
 
     def _now_ns(self) -> int:
         """The clock of the timers: two steady clocks of a machine drift apart."""

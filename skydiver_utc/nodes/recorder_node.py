@@ -49,7 +49,7 @@ class RecorderNode(ScenarioNode):
     KIND = topics.RECORDER
 
     def build(self) -> None:
-        self.failure = ""
+        self.failure, self.folder = "", Path()
         self._bag: BagWriter | None = None
         self._inputs: list[RecorderInput] = []
         self._run = self._new_run()

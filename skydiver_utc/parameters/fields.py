@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The unit, description and bounds of a setting."""
 
+from functools import cache
 from typing import Any, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -18,14 +19,8 @@ class Parameters(BaseModel):
         """YAML's lists as the tuples that frozen settings hold, but for a field that is a list."""
         if not isinstance(content, dict):
             return content
-        kinds = {name: field.annotation for name, field in cls.model_fields.items()}
-        lists = {name for name, kind in kinds.items() if list in (kind, get_origin(kind))}
-        # On Python 3.10 tuple[float, ...] counts as a class.
-        classes = {name: kind for name, kind in kinds.items() if get_origin(kind) is None}
-        blocks = {
-            name for name, kind in classes.items() if isinstance(kind, type) and issubclass(kind, Parameters)
-        }
-        return {name: value if name in lists | blocks else _tuples(value) for name, value in content.items()}
+        kept = _lists_and_blocks(cls)
+        return {name: value if name in kept else _tuples(value) for name, value in content.items()}
 
     def __hash__(self) -> int:
         return hash(self.model_dump_json())
@@ -61,6 +56,18 @@ def quantity(
 def text(description: str) -> Any:
     """Annotation of a text, a truth value or a table."""
     return Field(description=description)
+
+
+@cache
+def _lists_and_blocks(settings: type[BaseModel]) -> frozenset[str]:
+    """The fields that are lists, or settings of a class of their own."""
+    kinds = {name: field.annotation for name, field in settings.model_fields.items()}
+    lists = {name for name, kind in kinds.items() if list in (kind, get_origin(kind))}
+    # On Python 3.10 tuple[float, ...] counts as a class.
+    classes = {name: kind for name, kind in kinds.items() if get_origin(kind) is None}
+    return frozenset(lists).union(
+        name for name, kind in classes.items() if isinstance(kind, type) and issubclass(kind, Parameters)
+    )
 
 
 def _tuples(value: Any) -> Any:

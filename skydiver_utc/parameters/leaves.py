@@ -35,15 +35,17 @@ def _leaves_of(name: str, value: Any, field: FieldInfo) -> Iterator[Leaf]:
     choices = _choices(field.annotation)
     if isinstance(value, BaseModel):
         yield from leaves(value, f"{name}.")
-    elif isinstance(value, Mapping) or name.endswith("disturbances"):
+    elif isinstance(value, Mapping) or _is_row(value, BaseModel):
         for key, item in value.items() if isinstance(value, Mapping) else enumerate(value):
             yield from _leaves_of(f"{name}.{key}", item, field)
-    elif isinstance(value, int | float) or (isinstance(value, str) and choices) or _is_row(value):
+    elif (
+        isinstance(value, int | float) or (isinstance(value, str) and choices) or _is_row(value, int | float)
+    ):
         yield _leaf(name, value, field, choices)
 
 
-def _is_row(value: Any) -> bool:
-    return isinstance(value, tuple) and value != () and all(isinstance(item, int | float) for item in value)
+def _is_row(value: Any, kind: Any) -> bool:
+    return isinstance(value, tuple) and value != () and all(isinstance(item, kind) for item in value)
 
 
 def _choices(annotation: Any) -> tuple[str, ...]:

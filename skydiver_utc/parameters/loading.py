@@ -154,6 +154,9 @@ def _read_table(block: Any, beside: Path) -> Any:
     table: str | Unresolved
     try:
         table = path.read_text(encoding="utf-8-sig")
+        refuse_unfit({"table": table}, str(path))
+    except ParameterError as error:
+        table = Unresolved(f"parameter reference.file: {error}")
     except (OSError, ValueError) as error:
         reason = f"{path} cannot be read ({error}): give a CSV file in UTF-8"
         table = Unresolved(f"parameter reference.file: {reason}")

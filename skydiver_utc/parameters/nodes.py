@@ -10,6 +10,7 @@ from skydiver_utc.parameters.fields import Parameters, quantity, text
 from skydiver_utc.parameters.leaves import leaves
 from skydiver_utc.parameters.loading import load_scenario
 from skydiver_utc.parameters.scenario import Scenario
+from skydiver_utc.parameters.yaml_io import refuse_unfit
 
 # Names that rclpy declares or reads itself.
 _OF_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides")
@@ -162,7 +163,9 @@ def resolve_player(given: Mapping[str, object]) -> PlayerNodeSettings:
 
 
 def _not_of_rclpy(given: Mapping[str, object]) -> dict[str, object]:
-    return {name: value for name, value in given.items() if name.partition(".")[0] not in _OF_RCLPY}
+    ours = {name: value for name, value in given.items() if name.partition(".")[0] not in _OF_RCLPY}
+    refuse_unfit(ours, "the parameters")
+    return ours
 
 
 def scalars(settings: NodeSettings, scenario: Scenario) -> dict[str, object]:

@@ -11,8 +11,6 @@ from itertools import islice
 from typing import Any, NamedTuple
 
 from skydiver_utc.analysis.metrics import metrics
-from skydiver_utc.errors import FAILED as FAILED_EXIT
-from skydiver_utc.errors import InputError
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.loop.outcome import Outcome
 from skydiver_utc.loop.run import Run
@@ -25,10 +23,8 @@ from skydiver_utc.studies.study import Study
 _CLOCKS = ("solve_time_us", "wall_time_s")
 
 
-class StudyStoppedError(InputError):
+class StudyStoppedError(Exception):
     """Runs cannot go on: a worker or the scheduler ended."""
-
-    exit_code = FAILED_EXIT
 
 
 class Flown(NamedTuple):

@@ -13,9 +13,8 @@ from skydiver_utc.plants.protocol import FORCE_M_PER_N
 from skydiver_utc.view.charts import Chart, Instant, add_chart, chart_data
 from skydiver_utc.view.scene import PlantShapes, as_light
 
-if (
-    TYPE_CHECKING
-):  # viser is imported only where a page is shown, nodes only where one is of a flight over ROS
+# viser is imported only where a page is shown, nodes only where one is of a flight over ROS.
+if TYPE_CHECKING:
     from viser import ViserServer
 
     from skydiver_utc.view.live_flight import LiveFlight
