@@ -135,7 +135,6 @@ def law_of(
         watch=np.empty(2 + L),
         patience=max(_LEAST_PATIENCE, _PATIENCE * steps[-1]),
         singly=np.empty(1, dtype=np.bool_),
-        events=np.zeros(3, dtype=np.int64),
         root=np.empty((m, m)),
         following=np.empty((m, m)),
         vectors=np.empty((m + 1, m)),

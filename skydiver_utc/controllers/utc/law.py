@@ -48,7 +48,6 @@ class Law(NamedTuple):
     watch (2 + L,): the smallest innovation since the reference last moved, in units of sqrt(P_err), the steps since
         then, and the reference there; patience: after how many of them it counts as not reached
     singly (1,): whether controls are tried one by one, without covariances in Pu and Qu
-    events (3,): status, recovery and lost points of the step
     scratch: root and following (m, m), vectors (m+1, m), left (2m+1,), U and beside (m,), Y, e and at (L,), C_y (L, L);
         of the R = T l outputs of the roll-out squares (R, R), found (1, R), and rest (1, 1)
     """
@@ -86,7 +85,6 @@ class Law(NamedTuple):
     watch: Array
     patience: int
     singly: Flags
-    events: Integers
     root: Array
     following: Array
     vectors: Array
@@ -151,7 +149,7 @@ def update(state: Array, preview: Array, law: Law, out: Array) -> None:
     """eq:xpred to eq:utc_controller and the bounds; where no update is possible the control stays.
 
     out: predicted and innovation (l,) each, standard deviation of the controls (m,), what was added to eigenvalues of
-    Pu, recovery, how many points diverged
+    Pu, recovery, how many points diverged, status
     """
     outputs, saved, nominal, limits = law.outputs, law.saved, law.nominal, law.limits
     weights, control, reference = law.weights, law.control, law.reference
@@ -164,7 +162,7 @@ def update(state: Array, preview: Array, law: Law, out: Array) -> None:
             outputs[i, L - nominal.shape[0] + k] = saved[i, nominal[k]]
     left, alive = law.left, law.alive
     lost = weights_left(weights, outputs, saved, left, alive)
-    law.events[0], law.events[2] = _KEPT_PREVIOUS, lost
+    out[2 * law.tracked + m + 2], out[2 * law.tracked + m + 3] = lost, _KEPT_PREVIOUS
     narrow = law.spread[0] < 1.0
     law.spread[0] = next_spread(law.spread[0], alive, lost)
     if lost == outputs.shape[0]:
@@ -243,12 +241,11 @@ def update(state: Array, preview: Array, law: Law, out: Array) -> None:
         status = _NOT_REACHED
     if unmoved and lost == 0 and not narrow:
         status = _NO_EFFECT
-    law.events[0], law.events[1] = status, recovery
     for k in range(law.tracked):
         out[k], out[law.tracked + k] = law.predicted[k], law.innovation[k]
     for a in range(m):
         out[2 * law.tracked + a] = np.sqrt(max(law.Pu[a, a], 0.0))
-    out[2 * law.tracked + m + 1], out[2 * law.tracked + m + 2] = recovery, lost
+    out[2 * law.tracked + m + 1], out[2 * law.tracked + m + 3] = recovery, status
 
 
 @kernel

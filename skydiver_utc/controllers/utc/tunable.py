@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading, setting and copying a UTC between steps, and sending it to another process."""
+"""Making, reading, setting and copying a UTC, and sending it to another process."""
 
 from collections.abc import Callable
 from copy import copy, deepcopy
@@ -11,14 +11,22 @@ from numpy.typing import ArrayLike
 from typing_extensions import Self
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.controllers.roll_out import RollOut
-from skydiver_utc.controllers.utc.construction import plain
+from skydiver_utc.controllers.limits import limits_of
+from skydiver_utc.controllers.protocol import DIVERGED_POINTS
+from skydiver_utc.controllers.utc.construction import (
+    check_names,
+    control_after_reference,
+    dynamics_of,
+    initial_covariance,
+    law_of,
+    plain,
+)
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
 from skydiver_utc.controllers.utc.horizon_outputs import HorizonOutputs
-from skydiver_utc.controllers.utc.law import Law, draw
+from skydiver_utc.controllers.utc.law import draw, update
 from skydiver_utc.controllers.utc.output_offset import OutputOffset
 from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
-from skydiver_utc.plants.function import bounds, rates
+from skydiver_utc.plants.function import bounds, numbers, rates
 from skydiver_utc.plants.protocol import Plant
 
 # The share of their distance at which sigma points show the slope of the outputs.
@@ -32,46 +40,94 @@ _CHANGING = (
 
 
 class Tunable:
-    """The part of a UTC that users read and set; every other public attribute is refused."""
+    """A UTC between its steps: what users read and set; every other public attribute is refused."""
 
-    _made_of: tuple[UtcSettings, Plant, tuple[str, ...], Callable[..., Any] | None]
-    _law: Law
-    _outputs: HorizonOutputs
-    _coupling: CouplingSchedule | None
-    _offset: OutputOffset | None
-    _limits: Array
-    _Qu: Array
-    _initial: Array
-    _initial_Pu: Array
-    _preview_steps: int
-    _telemetry_names: tuple[str, ...]
-    _roll_out: RollOut
-    _example: tuple[Array, Array, Array]
-    _out: Array
-    # Begins anew with other settings, plant, outputs and dynamics.
-    _make: Callable[..., None]
-    # Checks state and reference of `step`; returns state and preview as arrays.
-    _checked: Callable[..., tuple[Array, Array]]
+    settings: UtcSettings
+    plant: Plant
+    horizon: int
+    preview_steps: int
+    telemetry_names: tuple[str, ...]
 
-    @property
-    def settings(self) -> UtcSettings:
-        """The settings that it was made of."""
-        return self._made_of[0]
+    def __init__(
+        self,
+        settings: UtcSettings,
+        plant: Plant,
+        outputs: tuple[str, ...] = (),
+        dt_s: float = 0.0,
+        seed: int = 0,
+        *,
+        dynamics: Callable[..., Any] | None = None,
+    ) -> None:
+        outputs = outputs or plant.output_names
+        self._made_of = settings, plant, outputs, dynamics
+        of_step, controls = settings.at_step(plant.dt_s), plant.control_names
+        check_names(of_step, plant)
+        # Read by users, and refused when they set them.
+        vars(self).update(
+            settings=settings,
+            plant=plant,
+            horizon=of_step.steps[-1],
+            preview_steps=of_step.preview_steps(plant.dt_s),
+            telemetry_names=(
+                *(f"predicted_{name}" for name in outputs),
+                *(f"innovation_{name}" for name in outputs),
+                *(f"std_{name}" for name in controls),
+                "repaired_covariance",
+                "recovery",
+                DIVERGED_POINTS,
+            ),
+        )
+        self._limits, self._initial = limits_of(plant), plant.initial_control()
+        self._after = control_after_reference(of_step, plant)
+        Pu, Qu = initial_covariance(of_step, self._limits, controls), of_step.Qu
+        self._initial_Pu = Pu
+        self._Qu = of_step.Qu_ratio * Pu if Qu is None else matrix("Qu", Qu, controls)
+        self._coupling: CouplingSchedule | None = None
+        if of_step.coupling is not None:
+            self._coupling = CouplingSchedule(of_step.coupling, Pu, controls, of_step.Qu_ratio, plant.dt_s)
+        self._outputs = HorizonOutputs(of_step, plant, outputs)
+        inside = dynamics_of(of_step, plant, outputs, dynamics)
+        self._law, self._roll_out = law_of(of_step, plant, self._outputs, self._limits, inside, Pu)
+        self._offset: OutputOffset | None = None
+        if of_step.offset_share > 0.0:
+            self._offset = OutputOffset(
+                plant, self._outputs, of_step.steps, of_step.offset_share, self._law.offset
+            )
+        self._out = np.empty(len(self.telemetry_names) + 1)
+        self._example = np.empty(plant.model.state_size), np.empty((1, len(outputs))), self._out
+        self._run = self._roll_out.between(draw, update, self._law, *self._example)
+        self.reset()
 
-    @property
-    def plant(self) -> Plant:
-        """The plant that it predicts."""
-        return self._made_of[1]
+    def reset(self, control: ArrayLike | None = None, Pu: ArrayLike | None = None) -> None:
+        """Start again from the plant's initial control (m,) and the initial covariance (m, m), or from others.
 
-    @property
-    def preview_steps(self) -> int:
-        """Steps of reference that a decision takes beyond the present one."""
-        return self._preview_steps
+        One number is for all controls. Raises ValueError for other shapes and what is no number.
+        """
+        m = len(self._initial)
+        start = self._initial if control is None else numbers("control", control)
+        start = of_shape("control", np.full(m, start) if start.ndim == 0 else start, (m,))
+        covariance = None if Pu is None else of_shape("Pu", np.atleast_2d(numbers("Pu", Pu)), (m, m))
+        self.resume(start)
+        self._moved = False
+        if covariance is not None:
+            self._law.Pu[:] = covariance
+            self._started = True
 
-    @property
-    def telemetry_names(self) -> tuple[str, ...]:
-        """Names of the values behind a decision."""
-        return self._telemetry_names
+    def resume(self, control: Array) -> None:
+        """Start from this control (m,), the one applied last, with Pu as at a run's first step.
+
+        Whether the reference has moved already is not known then; a control nearer to that after it says so.
+        """
+        self._law.control[:] = np.clip(control, self._limits[0], self._limits[1])
+        self._law.predicted[:], self._law.innovation[:] = 0.0, 0.0
+        self._law.Pu[:] = self._initial_Pu
+        self._law.spread[:], self._law.watch[:], self._law.singly[:] = 1.0, np.inf, False
+        if self._offset is not None:
+            self._offset.reset()
+        if self._coupling is not None:
+            self._coupling.reset()
+        self._started = self._coupling is None
+        self._moved = bool(np.linalg.norm(control - self._after) < np.linalg.norm(control - self._initial))
 
     @property
     def control(self) -> Array:
@@ -87,8 +143,8 @@ class Tunable:
     def P_err(self) -> Array:
         """Covariance of the tracking error (l, l), a copy; set it as in the settings, also between steps."""
         if self._outputs.not_known:
-            at_rest = self._checked(self.plant.initial_state(), np.zeros(len(self._outputs.tracked)))
-            self._derive_P_err(*at_rest)
+            preview = np.zeros((self.preview_steps + 1, len(self._outputs.tracked)))
+            self._derive_P_err(self.plant.initial_state(), preview)
         return self._outputs.error
 
     @P_err.setter
@@ -151,13 +207,13 @@ class Tunable:
             memory["_Qu"] *= share
         if self._offset is not None:
             memory["offset_of"] = []  # the states measured so far are not a new step apart
-        self._make(settings, other, outputs, dynamics)
-        self._remember(memory)
+        made = _remembered(type(self), (settings, other, outputs, dynamics), memory)
+        self.__dict__ = vars(made)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if not name.startswith("_") and not hasattr(type(self), name):
+        if not (name.startswith("_") or name in _SETTABLE):
             raise AttributeError(
-                f"{type(self).__name__} has no {name}; what can be set is {', '.join(_SETTABLE)}"
+                f"{name} of a {type(self).__name__} cannot be set; what can be is {', '.join(_SETTABLE)}"
             )
         super().__setattr__(name, value)
 
@@ -212,3 +268,9 @@ def _remembered(kind: Any, made_of: tuple[Any, ...], memory: dict[str, Any]) -> 
     made = kind(settings, plant, outputs, dynamics=dynamics)
     made._remember(memory)
     return made
+
+
+def of_shape(name: str, values: Array, shape: tuple[int, ...]) -> Array:
+    if values.shape != shape:
+        raise ValueError(f"{name} has shape {values.shape} instead of {shape}.")
+    return values
