@@ -25,7 +25,7 @@ from skydiver_utc.jit import (
     is_jitted,
     program,
 )
-from skydiver_utc.plants.protocol import LEFT_ITS_DOMAIN, MISTAKES, BoundModel, Model, one_line
+from skydiver_utc.plants.protocol import LEFT_ITS_DOMAIN, MISTAKES, Model, one_line
 
 
 class Dynamics(NamedTuple):
@@ -66,7 +66,6 @@ class Setup(NamedTuple):
     limits: Array
     applied: Array
     points: Array
-    named: int
     outputs: Array
     first: Array
     x: Array
@@ -82,7 +81,7 @@ class Setup(NamedTuple):
 def roll_out(state: Array, preview: Array, setup: Setup, out: Array) -> None:
     """Drive the model with the points of a setup from state (n,)."""
     step, outputs_of, parameters, dynamics = setup.step, setup.outputs_of, setup.parameters, setup.dynamics
-    kind, named, steps, limits = setup.kind, setup.named, setup.steps, setup.limits
+    kind, steps, limits = setup.kind, setup.steps, setup.limits
     applied, points, outputs, first = setup.applied, setup.points, setup.outputs, setup.first
     x, control, wanted, y, y_before = setup.x, setup.control, setup.wanted, setup.y, setup.y_before
     states, controls = setup.states, setup.controls
@@ -107,7 +106,7 @@ def roll_out(state: Array, preview: Array, setup: Setup, out: Array) -> None:
             outputs[i, k] = np.nan
         if kind == 2:
             call(outputs_of, (x, parameters, y))
-            for k in range(named):
+            for k in range(y.shape[0]):
                 y_before[k] = y[k]
         for j in range(start, last):
             if kind == 0:
@@ -135,7 +134,7 @@ def roll_out(state: Array, preview: Array, setup: Setup, out: Array) -> None:
                 for c in range(m):
                     controls[j + 1, c] = control[c]
             if kind == 2:
-                for k in range(named):
+                for k in range(y.shape[0]):
                     y_before[k] = y[k]
             if kind == 2 or j + 1 == steps[taken]:
                 call(outputs_of, (x, parameters, y))
@@ -168,7 +167,7 @@ class RollOut:
         self.points, self.first, self.applied = np.empty(points), np.empty((points[0], m)), np.empty(m)
         self.outputs = np.empty((points[0], len(steps) * len(selected)))
         self.begin = np.zeros(points[0], dtype=np.int64)
-        self.cause = ""
+        self.cause, self._made_of = "", (model, limits, dynamics)
         self._setup = Setup(
             model.step,
             model.outputs,
@@ -182,7 +181,6 @@ class RollOut:
             limits,
             self.applied,
             self.points,
-            named,
             self.outputs,
             self.first,
             np.empty(n),
@@ -203,32 +201,21 @@ class RollOut:
         self.applied[:] = applied
         self._run(state, preview, self.applied)
 
-    def states(self, model: BoundModel, state: Array, preview: Array, steps: int) -> tuple[Array, Array]:
+    def paths(self, state: Array, preview: Array, steps: int) -> tuple[Array, Array]:
         """States (S, steps + 1, n) of the model from a state under `points`, and the last controls (S, m).
 
-        For displays, in Python; the points are those of the roll-out before. preview: as many rows as the dynamics
-        take in so many steps. A point that diverges is NaN from there on.
+        The control now applied is that of the roll-out before. preview: as many rows as the dynamics take in so many
+        steps. A point that diverges is NaN from there on.
         """
-        at, minimum, maximum, change = self._setup, *self._setup.limits
-        states = np.full((len(self.points), steps + 1, len(state)), np.nan)
-        controls = np.tile(self.applied, (len(self.points), 1))
-        states[:, 0] = state
-        y, wanted = np.empty(at.named), np.empty(len(self.applied))
-        for point, of_point, control in zip(self.points, states, controls, strict=True):
-            wanted[:] = point
-            for j in range(steps):
-                if at.dynamics is not None:
-                    before = y.copy()
-                    self._guarded(model.outputs, (of_point[j], y))
-                    seen = (of_point[j], y, before if j > 0 else y, preview, j, at.numbers, wanted)
-                    self._guarded(at.dynamics, (point, control, *seen))
-                bounded = np.minimum(np.maximum(wanted, minimum), maximum)
-                control[:] = np.minimum(np.maximum(bounded, control - change), control + change)
-                self._guarded(model.step, (of_point[j], control, of_point[j + 1]))
-                if not np.isfinite(of_point[j + 1]).all():
-                    of_point[j + 1 :] = np.nan
-                    break
-        return states, controls
+        model, limits, dynamics = self._made_of
+        one = RollOut(model, len(self._setup.y), [steps], [], limits, (1, self.points.shape[1]), dynamics)
+        found = []
+        for point in self.points:
+            one.points[0], one._setup.states[:] = point, np.nan
+            one(state, self.applied, preview)
+            found.append((one._setup.states.copy(), one._setup.control.copy()))
+        states, controls = zip(*found, strict=True)
+        return np.array(states), np.array(controls)
 
     def between(
         self, before: Any, after: Any, numbers: Any, *example: Array
@@ -267,7 +254,7 @@ class RollOut:
         functions = [at.step, at.outputs_of] + ([] if at.dynamics is None else [at.dynamics])
         if not all(map(is_jitted, functions)):
             return None
-        state, control, y = np.empty(state_size), np.empty(at.limits.shape[1]), np.empty(at.named)
+        state, control, y = np.empty(state_size), np.empty(at.limits.shape[1]), at.y
         where = 0
         if at.dynamics is not None:
             example = (self.points[0], control, state, y, y, np.empty((1, 1)), 0, at.numbers, control)

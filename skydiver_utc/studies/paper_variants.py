@@ -16,7 +16,7 @@ from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.roll_out import Dynamics, RollOut
 from skydiver_utc.controllers.utc.law import ROUNDING
 from skydiver_utc.controllers.utc.settings import Coupling, ProportionalDynamics
-from skydiver_utc.jit import interpreted, program
+from skydiver_utc.jit import program
 from skydiver_utc.parameters.fields import SlotSettings, quantity, text
 from skydiver_utc.plants.protocol import Plant
 
@@ -174,28 +174,16 @@ class PaperController:
     def _propagated(self, points: Array, state: Array, preview: Array) -> tuple[Array, Array]:
         """Outputs (2m+1,) at the horizon, and U^i (2m+1, m) of eq:xpred."""
         at, dynamics = self._roll_out, self._dynamics
-        now = np.empty(len(self._plant.output_names))
-        self._plant.bound_model.outputs(state, now)
         if dynamics is not None and "measured_before" in self._variants:
-            dynamics.numbers[-1], self._measured = self._measured, now[self._output]
+            now = self._plant.outputs(state)[self._output]
+            dynamics.numbers[-1], self._measured = self._measured, now
         at.points[:] = points
         at(state, self._control, preview)
         if "saved_at_horizon" in self._variants:
-            saved = np.array([self._at_horizon(i, state, now, preview) for i in range(len(points))])
+            _, saved = at.paths(state, preview, at.outputs.shape[1])
         else:
             saved = points if dynamics is None else at.first.copy()
         return at.outputs[:, -1].copy(), saved
-
-    def _at_horizon(self, i: int, state: Array, now: Array, preview: Array) -> Array:
-        """The control (m,) that point i applies on the last step of the horizon."""
-        point, control, y, before = self._roll_out.points[i], self._control, now.copy(), now.copy()
-        wanted = point.copy()
-        for j, y_next in enumerate(self._roll_out.outputs[i]):
-            if self._dynamics is not None:
-                _alpha(point, control, state, y, before, preview, j, self._dynamics.numbers, wanted)
-            control = limited(wanted, control, self._limits)
-            before[self._output], y[self._output] = y[self._output], y_next
-        return control
 
     def _coupled(self, s12: float, s13: float, s14: float) -> Array:
         """Pu at k = 0, as printed, with these signs in its first row."""
@@ -225,6 +213,3 @@ class PaperController:
         if r[0] != 0.0 or self._turn == 0.0:
             self._turn = float(np.sign(first[0])) if len(first) else 1.0
         return s14 * self._turn
-
-
-_alpha = interpreted(alpha_dynamics)

@@ -181,7 +181,7 @@ class UnscentedTransformController(Tunable):
         the sigma points of the last step. preview (steps + preview_steps + 1, l)
         """
         self._law.points[0] = self._law.control
-        return self._roll_out.states(self.plant.bound_model, state, preview, steps)
+        return self._roll_out.paths(state, preview, steps)
 
     def _move_on(self, state: Array, preview: Array, Qu: Array | None) -> None:
         """One step of the law, with the offset of the outputs before it; what led to it stands in `_out`."""
