@@ -140,12 +140,9 @@ def law_of(
         vectors=np.empty((m + 1, m)),
         left=np.empty(points),
         U=np.empty(m),
-        beside=np.empty(m),
         Y=np.empty(L),
-        e=np.empty(L),
         at=np.empty(L),
         C_y=np.empty((L, L)),
-        squares=np.empty((R, R)),
         found=np.empty((1, R)),
         rest=np.empty((1, 1)),
     )

@@ -48,8 +48,8 @@ class Law(NamedTuple):
     watch (2 + L,): the smallest innovation since the reference last moved, in units of sqrt(P_err), the steps since
         then, and the reference there; patience: after how many of them it counts as not reached
     singly (1,): whether controls are tried one by one, without covariances in Pu and Qu
-    scratch: root and following (m, m), vectors (m+1, m), left (2m+1,), U and beside (m,), Y, e and at (L,), C_y (L, L);
-        of the R = T l outputs of the roll-out squares (R, R), found (1, R), and rest (1, 1)
+    scratch: root and following (m, m), vectors (m+1, m), left (2m+1,), U (m,), Y and at (L,), C_y (L, L); of the R =
+        T l outputs of the roll-out found (1, R), and rest (1, 1)
     """
 
     steps: Integers
@@ -90,12 +90,9 @@ class Law(NamedTuple):
     vectors: Array
     left: Array
     U: Array
-    beside: Array
     Y: Array
-    e: Array
     at: Array
     C_y: Array
-    squares: Array
     found: Array
     rest: Array
 
@@ -173,15 +170,13 @@ def update(state: Array, preview: Array, law: Law, out: Array) -> None:
     weighted_mean(saved, left, U)
     weighted_mean(outputs, left, Y)
     following, C_y, K = law.following, law.C_y, law.gain
-    e, at, beside = law.e, law.at, law.beside
+    e, at = law.innovation, law.at
     found = False
     for attempt in (_NONE, _ABOUT_CENTRE, _OUTPUTS_REPAIRED):
         if found or (attempt == _ABOUT_CENTRE and not left[0] < 0.0):
             continue
         recovery = attempt
-        _covariances(
-            saved, outputs, U, Y, left, attempt == _ABOUT_CENTRE, law.Qu, law.P_err, following, C_y, K
-        )  # fmt: skip
+        _covariances(law, attempt == _ABOUT_CENTRE)
         if attempt == _OUTPUTS_REPAIRED:
             raise_diagonal(C_y, _LEAST_OUTPUT_SHARE)
         unmoved = without_effect(following, K, law.P_err, limits, of_roll_out, law.unmoved)
@@ -197,9 +192,7 @@ def update(state: Array, preview: Array, law: Law, out: Array) -> None:
         for k in range(L):
             at[k] = outputs[0, k]
     elif law.of_control and alive[0] > 0.0:
-        for a in range(m):
-            beside[a] = U[a] - saved[0, a]
-        _answer_of(K, law.P_err, law.repaired_Pu, beside, at, law.squares, law.found, law.rest)
+        _answer_of_mean(law)
         for k in range(L):
             at[k] += outputs[0, k]
     for k in range(L):
@@ -231,76 +224,58 @@ def update(state: Array, preview: Array, law: Law, out: Array) -> None:
         for b in range(m):
             law.Pu[a, b] = law.kept_share * following[a, b]
     for k in range(L):
-        law.predicted[k], law.innovation[k] = at[k], e[k]
+        law.predicted[k] = at[k]
     status = _SATURATED if saturated else _SOLVED
     if repaired > ROUNDING * trace(law.repaired_Pu) or lost > 0 or recovery != _NONE:
         status = _REPAIRED
     if not_reached(
-        law.innovation, reference, law.P_err, of_roll_out, law.patience, law.watch, law.singly
+        e, reference, law.P_err, of_roll_out, law.patience, law.watch, law.singly
     ):  # fmt: skip
         status = _NOT_REACHED
     if unmoved and lost == 0 and not narrow:
         status = _NO_EFFECT
     for k in range(law.tracked):
-        out[k], out[law.tracked + k] = law.predicted[k], law.innovation[k]
+        out[k], out[law.tracked + k] = at[k], e[k]
     for a in range(m):
         out[2 * law.tracked + a] = np.sqrt(max(law.Pu[a, a], 0.0))
     out[2 * law.tracked + m + 1], out[2 * law.tracked + m + 3] = recovery, status
 
 
 @kernel
-def _answer_of(
-    K: Array,
-    P_err: Array,
-    Pu: Array,
-    change: Array,
-    answer: Array,
-    squares: Array,
-    found: Array,
-    rest: Array,
-) -> None:
-    """The innovation (L,) of the plant's outputs that the gain would turn into a change (m,) of the control.
+def _answer_of_mean(law: Law) -> None:
+    """Write `at` (L,), the innovation that the gain would turn into the distance of the mean from the control.
 
     The mean of points at bounds lies beside the control. Without this the update would follow it there, away from the
-    reference; with it, it does so only where no output sees it.
-    squares (R, R), found (1, R), rest (1, 1): scratch
+    reference; with it, it does so only where no output sees it. C_y is overwritten.
     """
-    size = squares.shape[0]
+    K, P_err, Pu, U, control = law.gain, law.P_err, law.repaired_Pu, law.U, law.saved[0]
+    squares, found, answer = law.C_y, law.found, law.at
+    size = found.shape[1]
     for i in range(size):
         found[0, i] = 0.0
-        for k in range(size):
+    for i in range(len(squares)):
+        for k in range(len(squares)):
             squares[i, k] = 0.0
     for i in range(size):
         unit = np.sqrt(P_err[i, i])
         for a in range(K.shape[0]):
             share = K[a, i] * unit / Pu[a, a]
-            found[0, i] += share * change[a]
+            found[0, i] += share * (U[a] - control[a])
             for k in range(size):
                 squares[i, k] += share * K[a, k] * np.sqrt(P_err[k, k])
     raise_diagonal(squares, _LEAST_OUTPUT_SHARE)
-    solved = gain(squares, found, rest)
+    solved = gain(squares, found, law.rest)
     for k in range(answer.shape[0]):
         answer[k] = found[0, k] * np.sqrt(P_err[k, k]) if solved and k < size else 0.0
 
 
 @kernel
-def _covariances(
-    saved: Array,
-    outputs: Array,
-    U: Array,
-    Y: Array,
-    left: Array,
-    about_centre: bool,
-    Qu: Array,
-    P_err: Array,
-    Pu: Array,
-    C_y: Array,
-    C_uy: Array,
-) -> None:
+def _covariances(law: Law, about_centre: bool) -> None:
     """Pu of eq:pu_pred, C_y and C_uy of eq:zpred, of deviations from the means or from the central point."""
-    mean_U, mean_Y = U, Y
+    saved, outputs, left, Qu, P_err = law.saved, law.outputs, law.left, law.Qu, law.P_err
+    Pu, C_y, C_uy, U, Y = law.following, law.C_y, law.gain, law.U, law.Y
     if about_centre:
-        mean_U, mean_Y = saved[0], outputs[0]
+        U, Y = saved[0], outputs[0]
     for a in range(len(Pu)):
         for b in range(len(Pu)):
             Pu[a, b] = Qu[a, b]
@@ -309,6 +284,6 @@ def _covariances(
     for i in range(len(C_y)):
         for k in range(len(C_y)):
             C_y[i, k] = P_err[i, k]
-    add_cross_covariance(saved, mean_U, saved, mean_U, left, Pu)
-    add_cross_covariance(outputs, mean_Y, outputs, mean_Y, left, C_y)
-    add_cross_covariance(saved, mean_U, outputs, mean_Y, left, C_uy)
+    add_cross_covariance(saved, U, saved, U, left, Pu)
+    add_cross_covariance(outputs, Y, outputs, Y, left, C_y)
+    add_cross_covariance(saved, U, outputs, Y, left, C_uy)
