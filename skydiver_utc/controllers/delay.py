@@ -51,9 +51,7 @@ class DelayCompensation:
         self._pending = deque([held[: self._m].copy()] * self._delay)
 
     def _ahead(self, state: Array) -> Array:
-        before = self._held
+        held = self._held
         for command in self._pending:
-            applied = self._model.actuate(command, before)
-            state = self._model.step(state, before, applied)
-            before = applied
+            state, held = self._model.advance(state, held, command)
         return state

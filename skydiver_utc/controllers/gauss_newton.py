@@ -10,7 +10,7 @@ sequence before, is the real-time iteration (Diehl, Bock, Schloeder, SIAM J. Con
 import numpy as np
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.controllers.horizon import Horizon, HorizonCost, cost_of
+from skydiver_utc.controllers.horizon import HorizonCost, SequenceController
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import GaussNewtonSettings
 from skydiver_utc.plants.protocol import Plant
@@ -20,7 +20,7 @@ _DIFFERENCE = 1e-5
 _TOLERANCE = 1e-9
 
 
-class GaussNewtonController:
+class GaussNewtonController(SequenceController):
     """Keeps a control sequence and improves it at each decision."""
 
     telemetry_names: tuple[str, ...] = ("predicted_error", "cost", "program_iterations")
@@ -35,9 +35,8 @@ class GaussNewtonController:
     ) -> None:
         m = len(plant.control_names)
         n = settings.blocks * m
-        self._horizon, self._cost = Horizon(settings, plant, outputs, n + 1), cost_of(settings, plant)
-        self._iterations, self._initial = settings.iterations, plant.initial_control()
-        self.preview_steps = self._horizon.preview_steps
+        super().__init__(settings, plant, outputs, n + 1)
+        self._iterations = settings.iterations
         self._horizon.begin[1:] = np.repeat(np.arange(settings.blocks), m) * self._horizon.hold
         minimum, maximum, change = self._horizon.limits
         self._differences = np.tile(_DIFFERENCE * (maximum - minimum), settings.blocks)
@@ -56,15 +55,6 @@ class GaussNewtonController:
         self._curvature, self._pull, self._change = _of_controls(self._cost, settings.blocks)
         self.reset()
 
-    def reset(self) -> None:
-        """Start again from the initial control."""
-        self.resume(self._initial)
-
-    def resume(self, control: Array) -> None:
-        """Start from this control, the one applied last, held over the horizon."""
-        self._applied = control.copy()
-        self._sequence = np.tile(control, (self._horizon.blocks, 1))
-
     def decide(self, state: Array, preview: Array) -> Decision:
         """Improve the sequence and take its first control."""
         at, reference = self._horizon, self._horizon.reference(preview)
@@ -72,11 +62,7 @@ class GaussNewtonController:
         for _ in range(self._iterations):
             found = self._improve(state, preview, reference, solution)
             if found is None:
-                # The sequence led where the model has no finite answer: a fresh start from the control before.
-                self.resume(self._applied)
-                return Decision(
-                    self._applied.copy(), np.zeros(len(self.telemetry_names)), Status.KEPT_PREVIOUS
-                )
+                return self._kept()
             solution, saturated, used = found
             iterations += used
         error = float(np.hypot.reduce(reference[-1] - self._outputs[-reference.shape[1] :], initial=0.0))
@@ -106,7 +92,13 @@ class GaussNewtonController:
         outputs = at.outputs(state, self._applied, preview)
         self._outputs = outputs[0].copy()
         J = (outputs[1:] - outputs[0]) / (self._moved - x)[:, None]
-        H, g = self._program(J, outputs[0] - reference.ravel() - x @ J, len(reference))
+        # J / 2 = 1/2 x' H x + g' x + const, the outputs linearised.
+        error, steps = outputs[0] - reference.ravel() - x @ J, len(reference)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a model that diverges
+            H, g = J @ J.T / steps, J @ error / steps
+        H += self._curvature
+        g -= self._pull
+        g[:m] -= self._change * self._applied
         if not (np.isfinite(H).all() and np.isfinite(g).all()):
             return None
         lower, upper = self._lower.copy(), self._upper.copy()
@@ -121,15 +113,6 @@ class GaussNewtonController:
         first = found[:m]
         limited = (first <= lower[:m] + _TOLERANCE) | (first >= upper[:m] - _TOLERANCE)
         return solution, bool(limited.any()), int(details["iterations"])
-
-    def _program(self, J: Array, error: Array, steps: int) -> tuple[Array, Array]:
-        """H (n, n) and g (n,) of J / 2 = 1/2 x' H x + g' x + const, outputs linearised with slopes J (n, N l)."""
-        with np.errstate(over="ignore", invalid="ignore"):  # of a model that diverges
-            H, g = J @ J.T / steps, J @ error / steps
-        H += self._curvature
-        g -= self._pull
-        g[: len(self._change)] -= self._change * self._applied
-        return H, g
 
 
 def _of_controls(cost: HorizonCost, blocks: int) -> tuple[Array, Array, Array]:

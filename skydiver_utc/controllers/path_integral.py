@@ -10,7 +10,7 @@ sample keeps them, so their mean keeps them, too.
 import numpy as np
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.controllers.horizon import Horizon, by_name, cost_of
+from skydiver_utc.controllers.horizon import SequenceController, by_name
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import MppiSettings
 from skydiver_utc.plants.protocol import Plant
@@ -18,7 +18,7 @@ from skydiver_utc.plants.protocol import Plant
 _SHARE = 0.1
 
 
-class PathIntegralController:
+class PathIntegralController(SequenceController):
     """Keeps a control sequence and a random generator; a reset starts both anew, so runs repeat bit for bit."""
 
     telemetry_names: tuple[str, ...] = ("predicted_error", "cost", "effective_samples")
@@ -26,26 +26,17 @@ class PathIntegralController:
     def __init__(
         self, settings: MppiSettings, plant: Plant, outputs: tuple[str, ...], dt_s: float, seed: int = 0
     ) -> None:
-        self._horizon, self._cost = (
-            Horizon(settings, plant, outputs, settings.samples),
-            cost_of(settings, plant),
-        )
+        super().__init__(settings, plant, outputs, settings.samples)
         self._deviation = by_name("deviation", settings.deviation, plant, _SHARE) * (
             plant.maximum - plant.minimum
         )
-        self._temperature, self._seed, self._initial = settings.temperature, seed, plant.initial_control()
-        self.preview_steps = self._horizon.preview_steps
+        self._temperature, self._seed = settings.temperature, seed
         self.reset()
-
-    def reset(self) -> None:
-        """Start again from the initial control and the seed."""
-        self.resume(self._initial)
 
     def resume(self, control: Array) -> None:
         """Start from this control, the one applied last, held over the horizon, and from the seed."""
         self._generator = np.random.default_rng(self._seed)
-        self._applied = control.copy()
-        self._sequence = np.tile(control, (self._horizon.blocks, 1))
+        super().resume(control)
 
     def decide(self, state: Array, preview: Array) -> Decision:
         """Draw, roll out, average; the first sample is the sequence at hand."""
@@ -58,10 +49,7 @@ class PathIntegralController:
             costs[~np.isfinite(costs)] = np.inf
             least = costs.min()
             if not least < np.inf:
-                self._sequence = np.tile(self._applied, (at.blocks, 1))
-                return Decision(
-                    self._applied.copy(), np.zeros(len(self.telemetry_names)), Status.KEPT_PREVIOUS
-                )
+                return self._kept()
             weights = np.exp((least - costs) / self._temperature)
         weights /= weights.sum()
         solution = np.einsum("s,sbc->bc", weights, at.sequences)
