@@ -21,6 +21,7 @@ class CouplingSchedule:
     eigenvalues that the printed numbers give Qu are dropped (docs/findings.md).
 
     variances (m, m) of the controls, without coupling; names of the controls, Cm_damp_yaw among them
+    memory: s14 without the sign of the turn, and that sign, 0 before it is known, which a step hands to the next
     """
 
     def __init__(
@@ -44,17 +45,7 @@ class CouplingSchedule:
 
     def reset(self) -> None:
         """Start from s14 = -1: to start turning, the yaw damping must be reduced."""
-        self._s14_raw = -1.0
-        self._rate_sign = 0.0
-
-    @property
-    def memory(self) -> tuple[float, float]:
-        """The state that a step hands to the next."""
-        return self._s14_raw, self._rate_sign
-
-    @memory.setter
-    def memory(self, value: tuple[float, float]) -> None:
-        self._s14_raw, self._rate_sign = value
+        self.memory = -1.0, 0.0
 
     def initial_covariance(self, preview: Array) -> Array:
         """Pu (m, m) at k = 0, with the raw s14 = -1 and the signs at the first step."""
@@ -87,21 +78,25 @@ class CouplingSchedule:
 
     def _s14(self, now: float, following: float, preview: Array) -> float:
         """eq:s14 without the sign of the turn; a sign of zero keeps the value before."""
-        if self._s14_raw <= 0:
+        s14, turn = self.memory
+        if s14 <= 0:
             now, following = preview.item(self._k_hyst), preview.item(self._k_hyst + 1)
         change = abs(following) - abs(now)
         if change != 0.0:
-            self._s14_raw = -_sign(change)
-        return self._s14_raw
+            s14 = -_sign(change)
+            self.memory = s14, turn
+        return s14
 
     def _signed(self, s14: float, now: float, preview: Array) -> float:
         """s14 times the sign of the turn; a run that starts from zero takes the sign of the turn to come."""
+        before, turn = self.memory
         if now != 0.0:
-            self._rate_sign = _sign(now)
-        elif self._rate_sign == 0.0:
+            turn = _sign(now)
+        elif turn == 0.0:
             coming = preview[preview != 0.0]
-            self._rate_sign = _sign(float(coming[0])) if len(coming) else 1.0
-        return s14 * self._rate_sign
+            turn = _sign(float(coming[0])) if len(coming) else 1.0
+        self.memory = before, turn
+        return s14 * turn
 
     def _demand(self, preview: Array) -> float:
         """The share of the row that is in force: the largest change ahead against that of full coupling."""

@@ -17,6 +17,7 @@ class OutputOffset:
 
     of: the outputs; steps (T,): where on the horizon they are taken; share of a difference that is taken up in a step
     value (L,): the offset, written in place
+    past: the states measured and the controls decided at them since the start of the last horizon
     """
 
     def __init__(
@@ -24,25 +25,16 @@ class OutputOffset:
     ) -> None:
         self._plant, self._of, self._steps = plant, of, steps
         self._share, self.value, self._size = share, value, of.size
-        self._past: deque[tuple[Array, Array]] = deque(maxlen=steps[-1])
+        self.past: deque[tuple[Array, Array]] = deque(maxlen=steps[-1])
 
     def reset(self) -> None:
         """Forget what was measured."""
-        self._past.clear()
+        self.past.clear()
         self.value[:] = 0.0
-
-    @property
-    def memory(self) -> list[tuple[Array, Array]]:
-        """The states measured and the controls decided at them since the start of the last horizon."""
-        return list(self._past)
-
-    @memory.setter
-    def memory(self, value: list[tuple[Array, Array]]) -> None:
-        self._past.extend(value)
 
     def measure(self, state: Array) -> None:
         """Take up a measured state (n,), if it lies a horizon after the first one known."""
-        if len(self._past) == self._steps[-1]:
+        if len(self.past) == self._steps[-1]:
             # What a model raises beyond its domain, and what is not finite, says nothing of the offset.
             try:
                 difference = self._difference(state)
@@ -53,10 +45,10 @@ class OutputOffset:
 
     def apply(self, state: Array, control: Array) -> None:
         """The control (m,) that was decided at a state (n,)."""
-        self._past.append((state.copy(), control.copy()))
+        self.past.append((state.copy(), control.copy()))
 
     def _difference(self, state: Array) -> Array:
-        states, controls = zip(*self._past, strict=True)
+        states, controls = zip(*self.past, strict=True)
         model, x, found = self._plant.bound_model, states[0].copy(), []
         measured = [*states, state]
         for j, control in enumerate(controls):

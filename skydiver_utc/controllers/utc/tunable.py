@@ -2,8 +2,7 @@
 """Making, reading, setting and copying a UTC, and sending it to another process."""
 
 from collections.abc import Callable
-from copy import copy, deepcopy
-from functools import cached_property
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -93,6 +92,7 @@ class Tunable:
             self._offset = OutputOffset(
                 plant, self._outputs, of_step.steps, of_step.offset_share, self._law.offset
             )
+        self._changing = [*(getattr(self._law, name) for name in _CHANGING), self._Qu]
         self._out = np.empty(len(self.telemetry_names) + 1)
         self._example = np.empty(plant.model.state_size), np.empty((1, len(outputs))), self._out
         self._run = self._roll_out.between(draw, update, self._law, *self._example)
@@ -142,9 +142,8 @@ class Tunable:
     @property
     def P_err(self) -> Array:
         """Covariance of the tracking error (l, l), a copy; set it as in the settings, also between steps."""
-        if self._outputs.not_known:
-            preview = np.zeros((self.preview_steps + 1, len(self._outputs.tracked)))
-            self._derive_P_err(self.plant.initial_state(), preview)
+        preview = np.zeros((self.preview_steps + 1, len(self._outputs.tracked)))
+        self._derive_P_err(self.plant.initial_state(), preview)
         return self._outputs.error
 
     @P_err.setter
@@ -197,17 +196,17 @@ class Tunable:
     @dt.setter
     def dt(self, value: float) -> None:
         settings, plant, outputs, dynamics = self._made_of
-        memory, other = self._memory(), copy(plant)
+        other = copy(plant)
         other.model, other.dt_s = plant.model_of_step(value), float(value)
         share = other.dt_s / plant.dt_s
         if len(settings.at_step(other.dt_s).steps) != len(settings.at_step(plant.dt_s).steps):
             raise ValueError(f"dt = {value:g}: two steps of the horizon would be one; choose a smaller dt")
-        memory["limits"][2] *= share
+        made = _remembered(type(self), (settings, other, outputs, dynamics), self._memory())
+        made._limits[2] *= share
         if settings.tuned_at_dt_s is not None:
-            memory["_Qu"] *= share
-        if self._offset is not None:
-            memory["offset_of"] = []  # the states measured so far are not a new step apart
-        made = _remembered(type(self), (settings, other, outputs, dynamics), memory)
+            made._Qu *= share
+        if made._offset is not None:
+            made._offset.past.clear()  # the states measured so far are not a new step apart
         self.__dict__ = vars(made)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -224,45 +223,45 @@ class Tunable:
         """A copy that goes on by itself; the plant, which keeps no state, is shared."""
         return _remembered(type(self), self._made_of, self._memory())
 
-    def _memory(self) -> dict[str, Any]:
+    def _memory(self) -> tuple[Any, ...]:
         """All that a step changes or a user has set, as copies."""
-        found = {name: getattr(self._law, name).copy() for name in _CHANGING}
-        found |= {name: deepcopy(getattr(self, name)) for name in ("_Qu", "_started", "_moved")}
-        found["not_known"] = self._outputs.not_known.copy()
-        found["coupling"] = None if self._coupling is None else self._coupling.memory
-        found["offset_of"] = None if self._offset is None else self._offset.memory
-        return found
+        return (
+            [array.copy() for array in self._changing],
+            (self._started, self._moved, self._outputs.not_known.copy()),
+            None if self._coupling is None else self._coupling.memory,
+            None if self._offset is None else list(self._offset.past),
+        )
 
-    def _remember(self, memory: dict[str, Any]) -> None:
-        for name in _CHANGING:
-            getattr(self._law, name)[:] = memory[name]
-        self._Qu[:], self._started, self._moved = memory["_Qu"], memory["_started"], memory["_moved"]
-        self._outputs.not_known = set(memory["not_known"])
+    def _remember(self, memory: tuple[Any, ...]) -> None:
+        arrays, (self._started, self._moved, self._outputs.not_known), of_coupling, past = memory
+        for array, value in zip(self._changing, arrays, strict=True):
+            array[:] = value
         if self._coupling is not None:
-            self._coupling.memory = memory["coupling"]
+            self._coupling.memory = of_coupling
         if self._offset is not None:
-            self._offset.memory = memory["offset_of"]
+            self._offset.past.extend(past)
 
-    @cached_property
-    def _roll(self) -> Callable[[Array, Array, Array], None]:
-        """The roll-out of the points without an update, which a flight does not need."""
-        return self._roll_out.between(draw, None, self._law, *self._example)
+    def _roll(self, state: Array, preview: Array, share: float) -> None:
+        """Roll the points out without an update, drawn at a share of their distance."""
+        law = self._law
+        kept, law.spread[:] = law.spread.copy(), share
+        self._roll_out.between(draw, None, law, *self._example)(state, preview, self._out)
+        law.spread[:] = kept
 
     def _derive_P_err(self, state: Array, preview: Array) -> None:
         """Take P_err from what the initial Pu does to the outputs: by their slope at the start, or now."""
         law = self._law
-        kept = law.control.copy(), law.Pu.copy(), law.spread.copy()
+        kept = law.control.copy(), law.Pu.copy()
         law.control[:], law.Pu[:] = self._initial, self._initial_Pu
         for share in (_OF_SLOPE, 1.0):
             for x, ahead in ((self.plant.initial_state(), np.zeros_like(preview)), (state, preview)):
                 if self._outputs.not_known:
-                    law.spread[:] = share
-                    self._roll(x, ahead, self._out)
+                    self._roll(x, ahead, share)
                     self._outputs.derive_error(law.of_roll_out, share)
-        law.control[:], law.Pu[:], law.spread[:] = kept
+        law.control[:], law.Pu[:] = kept
 
 
-def _remembered(kind: Any, made_of: tuple[Any, ...], memory: dict[str, Any]) -> Any:
+def _remembered(kind: Any, made_of: tuple[Any, ...], memory: tuple[Any, ...]) -> Any:
     """A controller made of settings, plant, outputs and dynamics, that goes on from a memory."""
     settings, plant, outputs, dynamics = made_of
     made = kind(settings, plant, outputs, dynamics=dynamics)

@@ -144,12 +144,9 @@ class UnscentedTransformController(Tunable):
         reference: as in `step`
         """
         x, preview = self._checked(state, reference)
-        if self._outputs.not_known:
-            self._derive_P_err(x, preview)
+        self._derive_P_err(x, preview)
         law, of = self._law, self._outputs
-        kept, law.spread[:] = law.spread.copy(), 1.0
-        self._roll(x, preview, self._out)
-        law.spread[:] = kept
+        self._roll(x, preview, 1.0)
         last = of.of_tracked[-1]
         saved, outputs = law.saved.copy(), law.of_roll_out[:, last]
         alive = np.isfinite(law.of_roll_out).all(axis=1)
