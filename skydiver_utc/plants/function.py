@@ -3,6 +3,7 @@
 
 import inspect
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from numbers import Real
 from typing import Any
@@ -181,19 +182,15 @@ def writes_its_result(given: Any, count: int, form: str) -> bool:
 
     One of `count` - 1 parameters returns its result. ValueError, which begins with `form`, for any other.
     """
-    if not callable(given):
-        raise ValueError(f"{form}, not {given!r}.")
     try:
-        parameters = inspect.signature(getattr(given, "py_func", given)).parameters.values()
-    except ValueError as error:
-        raise ValueError(f"{form}, not {given!r}, whose parameters are not known.") from error
-    positional = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
-    needed = sum(p.default is p.empty for p in positional)
-    named = any(p.kind is p.KEYWORD_ONLY and p.default is p.empty for p in parameters)
-    more = any(p.kind is p.VAR_POSITIONAL for p in parameters)
-    if named or needed > count or (len(positional) < count - 1 and not more):
-        raise ValueError(f"{form}; this one has {needed} parameters without a default.")
-    return needed == count
+        signature = inspect.signature(getattr(given, "py_func", given))
+    except (TypeError, ValueError) as error:  # no function, or one whose parameters are not known
+        raise ValueError(f"{form}, not {given!r}.") from error
+    for arguments in (count - 1, count):
+        with suppress(TypeError):
+            signature.bind(*range(arguments))
+            return arguments == count
+    raise ValueError(f"{form}; the parameters of this one are {signature}.")
 
 
 def numbers(name: str, value: ArrayLike) -> Array:
