@@ -11,13 +11,12 @@ difference of two neighbours. With y_j the outputs after j model steps and r_j t
 where U_-1 is the control applied last.
 """
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.controllers.limits import limited, limits_of
+from skydiver_utc.controllers.limits import by_name, limited, limits_of
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.roll_out import Dynamics, RollOut
 from skydiver_utc.controllers.settings import CostSettings, HorizonSettings
@@ -53,16 +52,6 @@ def cost_of(settings: CostSettings, plant: Plant) -> HorizonCost:
         change=by_name("change_cost", settings.change_cost, plant, _CHANGE_COST) / squared_range,
         nominal=by_name("nominal", settings.nominal, plant, plant.initial_control()),
     )
-
-
-def by_name(name: str, given: Mapping[str, float], plant: Plant, default: float | Array) -> Array:
-    """Numbers (m,) of a table by the names of the controls. Raises ValueError."""
-    if unknown := set(given) - set(plant.control_names):
-        raise ValueError(f"{name}.{unknown.pop()}: the plant has {', '.join(plant.control_names)}")
-    values = np.broadcast_to(default, len(plant.control_names)).astype(float)
-    for c, control in enumerate(plant.control_names):
-        values[c] = given.get(control, values[c])
-    return values
 
 
 class Horizon:

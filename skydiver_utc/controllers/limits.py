@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bounds and rates of a control vector, as controllers keep them."""
+"""Control vectors: numbers by name, and bounds and rates as controllers keep them."""
+
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -11,6 +13,16 @@ from skydiver_utc.plants.protocol import Plant
 def limits_of(plant: Plant) -> Array:
     """Limits (3, m) of a plant's control: minimum, maximum and largest change in one step."""
     return np.array([plant.minimum, plant.maximum, plant.rate * plant.dt_s])
+
+
+def by_name(name: str, given: Mapping[str, float], plant: Plant, default: float | Array) -> Array:
+    """Numbers (m,) of a table by the names of the controls. Raises ValueError."""
+    if unknown := set(given) - set(plant.control_names):
+        raise ValueError(f"{name}.{unknown.pop()}: the plant has {', '.join(plant.control_names)}")
+    values = np.broadcast_to(default, len(plant.control_names)).astype(float)
+    for c, control in enumerate(plant.control_names):
+        values[c] = given.get(control, values[c])
+    return values
 
 
 @kernel

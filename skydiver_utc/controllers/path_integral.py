@@ -10,7 +10,8 @@ sample keeps them, so their mean keeps them, too.
 import numpy as np
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.controllers.horizon import SequenceController, by_name
+from skydiver_utc.controllers.horizon import SequenceController
+from skydiver_utc.controllers.limits import by_name
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import MppiSettings
 from skydiver_utc.plants.protocol import Plant

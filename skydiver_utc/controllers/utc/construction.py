@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """From settings to the numbers and functions that UTC works with."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from skydiver_utc.arrays import Array
+from skydiver_utc.controllers.limits import by_name
 from skydiver_utc.controllers.roll_out import Dynamics, RollOut
 from skydiver_utc.controllers.utc.dynamics import incremental, user_dynamics
 from skydiver_utc.controllers.utc.horizon_outputs import HorizonOutputs
@@ -21,16 +22,15 @@ _PATIENCE, _LEAST_PATIENCE = 10, 50
 _LARGEST_RANGE = 1e50
 
 
-def check_names(settings: UtcSettings, plant: Plant) -> None:
-    """Raise a ValueError for a name in the settings that the plant does not have."""
-    for block, names in (
-        ("outputs", plant.output_names),
-        ("nominal", plant.control_names),
-        ("after_reference", plant.control_names),
-    ):
-        for name in getattr(settings, block):
-            if name not in names:
-                raise ValueError(f"{block}.{name}: the plant has {', '.join(names)}")
+def controls_of(block: str, given: Mapping[str, float], plant: Plant) -> Array:
+    """Controls (m,) of a block of the settings, the initial ones where it names none. Raises ValueError."""
+    values = by_name(block, given, plant, plant.initial_control())
+    for c in np.flatnonzero((values < plant.minimum) | (values > plant.maximum)):
+        raise ValueError(
+            f"{block}.{plant.control_names[c]} is {values[c]:g}, outside the limits {plant.minimum[c]:g} .."
+            f" {plant.maximum[c]:g} of the control: change one"
+        )
+    return values
 
 
 def initial_covariance(settings: UtcSettings, limits: Array, controls: tuple[str, ...]) -> Array:
@@ -47,25 +47,6 @@ def initial_covariance(settings: UtcSettings, limits: Array, controls: tuple[str
         raise ValueError("Pu is needed: the range of a control is infinite, or too large to take it from")
     # A control whose bounds are equal never moves: any variance does.
     return np.diag((0.1 * np.where(spans > 0.0, spans, 1.0)) ** 2)
-
-
-def control_after_reference(settings: UtcSettings, plant: Plant) -> Array:
-    """The control (m,) to hold after the reference. Raises ValueError."""
-    after = plant.initial_control()
-    for name, value in settings.after_reference.items():
-        after[plant.control_names.index(name)] = value
-        check_inside(f"after_reference.{name}", value, plant, name)
-    return after
-
-
-def check_inside(setting: str, value: float, plant: Plant, name: str) -> None:
-    """Raise a ValueError where the value of a setting is outside the bounds of its control."""
-    c = plant.control_names.index(name)
-    low, high = plant.minimum[c], plant.maximum[c]
-    if not low <= value <= high:
-        raise ValueError(
-            f"{setting} is {value:g}, outside the limits {low:g} .. {high:g} of the control: change one"
-        )
 
 
 def dynamics_of(
@@ -94,8 +75,6 @@ def law_of(
 
     limits (3, m); inside: dynamics of a point; Pu (m, m) at the start
     """
-    for name, nominal in settings.nominal.items():
-        check_inside(f"nominal.{name}", nominal.value, plant, name)
     m, L, steps = len(plant.control_names), len(of.P_err), settings.steps
     points, floor = 2 * m + 1, settings.covariance_floor
     at = RollOut(plant.model, len(plant.output_names), steps, of.selected, limits, (points, m), inside)

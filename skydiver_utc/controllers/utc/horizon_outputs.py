@@ -21,9 +21,11 @@ class HorizonOutputs:
 
     def __init__(self, settings: UtcSettings, plant: Plant, tracked: tuple[str, ...]) -> None:
         self.tracked, self.names = tracked, (*tracked, *settings.outputs)
-        unknown = [name for name in settings.angles if name not in self.names]
-        if unknown:
-            raise ValueError(f"angles: there is no {unknown[0]} among the outputs {', '.join(self.names)}")
+        for block, given, known in (
+            ("outputs", settings.outputs, plant.output_names), ("angles", settings.angles, self.names),
+        ):  # fmt: skip
+            if unknown := set(given) - set(known):
+                raise ValueError(f"{block}.{unknown.pop()}: the outputs are {', '.join(known)}")
         self.selected = [plant.output_names.index(name) for name in self.names]
         self.nominal = np.array([plant.control_names.index(n) for n in settings.nominal], dtype=np.int64)
         self._weight_beside = 1.0 - settings.W0
@@ -71,21 +73,17 @@ class HorizonOutputs:
         of their distance.
         """
         l, found = len(self.tracked), self.P_err[: len(self.tracked), : len(self.tracked)].copy()
-        moved = self.spread(outputs)[:, :l].max(axis=0) / share
+        beside = self.differences(outputs[1:] - outputs[0], np.arange(self.size))
+        alive = np.isfinite(beside).all(axis=1)
+        if not alive.any():
+            return
+        moved = np.sqrt(self._weight_beside * np.mean(np.square(beside[alive]), axis=0))
+        moved[moved <= _ROUNDING * np.nanmax(np.abs(outputs), axis=0)] = 0.0
+        moved = moved.reshape(self._steps, len(self.names))[:, :l].max(axis=0) / share
         for k in [k for k in self.not_known if moved[k] > 0.0]:
             found[k, k] = (_SHARE_OF_SPREAD * moved[k]) ** 2
             self.not_known.discard(k)
         self._set_error(found)
-
-    def spread(self, outputs: Array) -> Array:
-        """Standard deviations (T, l) of outputs (2m+1, T l) of sigma points about the centre; 0 where only rounding."""
-        beside = self.differences(outputs[1:] - outputs[0], np.arange(self.size))
-        alive = np.isfinite(beside).all(axis=1)
-        if not alive.any():
-            return np.zeros((self._steps, len(self.names)))
-        found = np.sqrt(self._weight_beside * np.mean(np.square(beside[alive]), axis=0))
-        found[found <= _ROUNDING * np.nanmax(np.abs(outputs), axis=0)] = 0.0
-        return found.reshape(self._steps, len(self.names))
 
     def differences(self, found: Array, columns: Integers) -> Array:
         """Differences (..., c) of these columns of Y, those of angles on the circle."""

@@ -196,9 +196,9 @@ class UtcSettings(SlotSettings):
 
     def preview_steps(self, dt_s: float) -> int:
         """Steps of reference that a decision takes beyond the present one."""
-        if self.at_step(dt_s) is not self:
-            return self.at_step(dt_s).preview_steps(dt_s)
-        ahead = self.steps[-1] + (0 if self.dynamics is None else round(self.dynamics.tau_s / dt_s))
+        ahead = self.at_step(dt_s).steps[-1] + (
+            0 if self.dynamics is None else round(self.dynamics.tau_s / dt_s)
+        )
         return ahead if self.coupling is None else max(ahead, self.coupling.hysteresis_steps(dt_s) + 1)
 
 
@@ -216,7 +216,7 @@ def matrix(name: str, given: Covariance, names: tuple[str, ...]) -> Array:
     if isinstance(given, Mapping):
         if set(given) != set(names):
             raise ValueError(
-                f"{name} names {', '.join(given)}; give one variance for each of {', '.join(names)}"
+                f"{name} names {', '.join(given)}; give a variance for each of {', '.join(names)}"
             )
         given = tuple(given[n] for n in names)
     array = np.array(given, dtype=float)

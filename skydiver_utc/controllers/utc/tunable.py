@@ -13,8 +13,7 @@ from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.limits import limits_of
 from skydiver_utc.controllers.protocol import DIVERGED_POINTS
 from skydiver_utc.controllers.utc.construction import (
-    check_names,
-    control_after_reference,
+    controls_of,
     dynamics_of,
     initial_covariance,
     law_of,
@@ -60,7 +59,6 @@ class Tunable:
         outputs = outputs or plant.output_names
         self._made_of = settings, plant, outputs, dynamics
         of_step, controls = settings.at_step(plant.dt_s), plant.control_names
-        check_names(of_step, plant)
         # Read by users, and refused when they set them.
         vars(self).update(
             settings=settings,
@@ -77,7 +75,8 @@ class Tunable:
             ),
         )
         self._limits, self._initial = limits_of(plant), plant.initial_control()
-        self._after = control_after_reference(of_step, plant)
+        self._after = controls_of("after_reference", of_step.after_reference, plant)
+        controls_of("nominal", {name: nominal.value for name, nominal in of_step.nominal.items()}, plant)
         Pu, Qu = initial_covariance(of_step, self._limits, controls), of_step.Qu
         self._initial_Pu = Pu
         self._Qu = of_step.Qu_ratio * Pu if Qu is None else matrix("Qu", Qu, controls)
