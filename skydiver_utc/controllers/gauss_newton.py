@@ -68,13 +68,13 @@ class GaussNewtonController(SequenceController):
         error = float(np.hypot.reduce(reference[-1] - self._outputs[-reference.shape[1] :], initial=0.0))
         cost = float(
             self._cost.of(
-                at.sequences[:1], self._applied, self._outputs[None], np.ascontiguousarray(reference)
+                at.sequences[:1], self._previous, self._outputs[None], np.ascontiguousarray(reference)
             )[0]
         )
-        self._applied = at.first_period(solution, self._applied)
+        self._previous = at.first_period(solution, self._previous)
         self._sequence = at.one_period_on(solution)
         status = Status.SATURATED if saturated else Status.SOLVED
-        return Decision(self._applied.copy(), np.array([error, cost, float(iterations)]), status)
+        return Decision(self._previous.copy(), np.array([error, cost, float(iterations)]), status)
 
     def _improve(
         self, state: Array, preview: Array, reference: Array, sequence: Array
@@ -82,14 +82,14 @@ class GaussNewtonController(SequenceController):
         """One Gauss-Newton step on a sequence (B, m): the next, whether its first control is limited, iterations."""
         import daqp
 
-        at, m, n = self._horizon, len(self._applied), sequence.size
+        at, m, n = self._horizon, len(self._previous), sequence.size
         minimum, maximum, change = at.limits
         x = sequence.ravel()
         self._points[:] = x
         # An entry too near to its maximum moves down.
         up = x + self._differences <= self._upper[:n]
         self._moved += np.where(up, self._differences, -self._differences)
-        outputs = at.outputs(state, self._applied, preview)
+        outputs = at.outputs(state, self._previous, preview)
         self._outputs = outputs[0].copy()
         J = (outputs[1:] - outputs[0]) / (self._moved - x)[:, None]
         # J / 2 = 1/2 x' H x + g' x + const, the outputs linearised.
@@ -98,13 +98,13 @@ class GaussNewtonController(SequenceController):
             H, g = J @ J.T / steps, J @ error / steps
         H += self._curvature
         g -= self._pull
-        g[:m] -= self._change * self._applied
+        g[:m] -= self._change * self._previous
         if not (np.isfinite(H).all() and np.isfinite(g).all()):
             return None
         lower, upper = self._lower.copy(), self._upper.copy()
         allowed = change * at.block_periods
-        lower[:m] = np.maximum(minimum, self._applied - allowed)
-        upper[:m] = np.minimum(maximum, self._applied + allowed)
+        lower[:m] = np.maximum(minimum, self._previous - allowed)
+        upper[:m] = np.minimum(maximum, self._previous + allowed)
         sense = np.zeros(len(lower), dtype=np.int32)
         found, _, flag, details = daqp.solve(H, g, self._rows, upper, lower, sense, primal_tol=_TOLERANCE)
         if flag <= 0:

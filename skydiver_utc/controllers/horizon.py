@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.controllers.limits import by_name, limited, limits_of
+from skydiver_utc.controllers.limits import LimitedController, by_name, limited, limits_of
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.roll_out import Dynamics, RollOut
 from skydiver_utc.controllers.settings import CostSettings, HorizonSettings
@@ -100,29 +100,26 @@ class Horizon:
         return moved
 
 
-class SequenceController:
-    """A controller that keeps a control sequence (B, m) and the control applied last (m,)."""
+class SequenceController(LimitedController):
+    """A controller that keeps a control sequence (B, m) besides the control applied last."""
 
     telemetry_names: tuple[str, ...]
 
     def __init__(self, settings: HorizonSettings, plant: Plant, outputs: tuple[str, ...], count: int) -> None:
         """count: how many sequences a decision rolls out."""
+        super().__init__(plant)
         self._horizon, self._cost = Horizon(settings, plant, outputs, count), cost_of(settings, plant)
-        self._initial, self.preview_steps = plant.initial_control(), self._horizon.preview_steps
-
-    def reset(self) -> None:
-        """Start again from the initial control."""
-        self.resume(self._initial)
+        self.preview_steps = self._horizon.preview_steps
 
     def resume(self, control: Array) -> None:
         """Start from this control (m,), the one applied last, held over the horizon."""
-        self._applied = control.copy()
+        super().resume(control)
         self._sequence = np.tile(control, (self._horizon.blocks, 1))
 
     def _kept(self) -> Decision:
         """The control applied last; the sequence led where the model has no finite answer, and begins anew from it."""
-        self._sequence = np.tile(self._applied, (self._horizon.blocks, 1))
-        return Decision(self._applied.copy(), np.zeros(len(self.telemetry_names)), Status.KEPT_PREVIOUS)
+        self._sequence = np.tile(self._previous, (self._horizon.blocks, 1))
+        return Decision(self._previous.copy(), np.zeros(len(self.telemetry_names)), Status.KEPT_PREVIOUS)
 
 
 @program

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.controllers.horizon import cost_of
+from skydiver_utc.controllers.horizon import HorizonCost, cost_of
 from skydiver_utc.controllers.limits import LimitedController, limit
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import LqrSettings
@@ -38,13 +38,6 @@ class Linearised(NamedTuple):
     B: Array
     C: Array
     outputs: Array
-
-
-class Gains(NamedTuple):
-    """K (m, n + m) on the state and the control before, F (N, m, l) on r_1 .. r_N."""
-
-    feedback: Array
-    preview: Array
 
 
 def linearised(plant: Plant, about: Reduced, control: Array, outputs: tuple[str, ...]) -> Linearised:
@@ -74,16 +67,16 @@ def linearised(plant: Plant, about: Reduced, control: Array, outputs: tuple[str,
     return Linearised(of_step[:, :n], of_step[:, n:], slopes(output)[:, :n], output(base))
 
 
-def design(plant: Linearised, control_weight: Array, change_weight: Array, preview_steps: int) -> Gains:
-    """Gains for the weights w and s, each (m,) and positive."""
+def _gains(plant: Linearised, cost: HorizonCost, preview_steps: int) -> tuple[Array, Array]:
+    """K (m, n + m) on the state and the control before, F (N, m, l) on r_1 .. r_N."""
     from scipy.linalg import solve_discrete_are
 
     n, m = plant.B.shape
     A = np.block([[plant.A, plant.B], [np.zeros((m, n)), np.eye(m)]])
     B = np.vstack([plant.B, np.eye(m)])
     C = np.hstack([plant.C, np.zeros((len(plant.C), m))])
-    Q = C.T @ C + np.diag(np.append(np.zeros(n), control_weight))
-    R = np.diag(change_weight)
+    Q = C.T @ C + np.diag(np.append(np.zeros(n), cost.control))
+    R = np.diag(cost.change)
     P = solve_discrete_are(A, B, Q, R)
     to_change = np.linalg.solve(R + B.T @ P @ B, B.T)
     feedback = to_change @ P @ A
@@ -93,28 +86,30 @@ def design(plant: Linearised, control_weight: Array, change_weight: Array, previ
         of_steps.append(to_change @ pull)
         pull = closed @ pull
     of_steps.append(to_change @ np.linalg.solve(np.eye(n + m) - closed, pull))
-    return Gains(feedback, np.array(of_steps))
+    return feedback, np.array(of_steps)
 
 
 @lru_cache(maxsize=8)
 def _designed(
     settings: LqrSettings, plant: Plant, outputs: tuple[str, ...]
-) -> tuple[Array, Reduced, Linearised, Gains]:
-    """The nominal control (m,), the equilibrium under it, the model there, and the gains."""
+) -> tuple[Callable[[Array], Array], tuple[Array, ...]]:
+    """How a state is reduced, and what a `Tracking` begins with."""
     cost = cost_of(settings, plant)
     about = plant.reduced(cost.nominal)
     model = linearised(plant, about, cost.nominal, outputs)
-    return cost.nominal, about, model, design(model, cost.control, cost.change, settings.horizon_steps)
+    K, F = _gains(model, cost, settings.horizon_steps)
+    return about.reduce, (K, F, model.C, about.state, cost.nominal, model.outputs)
 
 
 class Tracking(NamedTuple):
-    """Numbers of a decision: gains, the equilibrium z (n,), u (m,) and its outputs (l,), limits (3, m), u_k-1 (m,).
+    """K, F and C, the equilibrium z (n,), u (m,) and its outputs (l,), limits (3, m), u_k-1 (m,).
 
     xi (n + m,), wanted (m,): scratch
     """
 
-    gains: Gains
-    of_outputs: Array
+    K: Array
+    F: Array
+    C: Array
     state: Array
     nominal: Array
     outputs: Array
@@ -132,15 +127,13 @@ class LinearQuadraticController(LimitedController):
     def __init__(
         self, settings: LqrSettings, plant: Plant, outputs: tuple[str, ...], dt_s: float, seed: int = 0
     ) -> None:
-        nominal, about, model, gains = _designed(settings, plant, outputs)
+        self._reduce, found = _designed(settings, plant, outputs)
         self.preview_steps = settings.preview_steps(dt_s)
         super().__init__(plant)
-        self._reduce, self._out = about.reduce, np.empty(len(self.telemetry_names) + 1)
-        (n, m), limits, previous = model.B.shape, self._limits, self._previous
-        numbers = Tracking(
-            gains, model.C, about.state, nominal, model.outputs, limits, previous, np.empty(n + m), np.empty(m)
-        )  # fmt: skip
-        example = about.state, np.empty((1, len(outputs))), self._out
+        m, states = found[0].shape
+        numbers = Tracking._make([*found, self._limits, self._previous, np.empty(states), np.empty(m)])
+        self._out = np.empty(len(self.telemetry_names) + 1)
+        example = numbers.state, np.empty((1, len(outputs))), self._out
         self._track = by_address([(track, numbers)], *example)
 
     def decide(self, state: Array, preview: Array) -> Decision:
@@ -153,7 +146,7 @@ class LinearQuadraticController(LimitedController):
 @unfused
 def track(z: Array, preview: Array, numbers: Tracking, out: Array) -> None:
     """Move the control on; write the distance of the outputs, how far it is beyond limits, and the status."""
-    K, F, previous = numbers.gains.feedback, numbers.gains.preview, numbers.previous
+    K, F, previous = numbers.K, numbers.F, numbers.previous
     n, m, l = z.shape[0], previous.shape[0], numbers.outputs.shape[0]
     xi, wanted = numbers.xi, numbers.wanted
     for a in range(n):
@@ -164,7 +157,7 @@ def track(z: Array, preview: Array, numbers: Tracking, out: Array) -> None:
     for k in range(l):
         distance = preview[0, k] - numbers.outputs[k]
         for a in range(n):
-            distance -= numbers.of_outputs[k, a] * xi[a]
+            distance -= numbers.C[k, a] * xi[a]
         error = np.hypot(error, distance)
     for c in range(m):
         wanted[c] = previous[c]

@@ -44,9 +44,9 @@ class PathIntegralController(SequenceController):
         at = self._horizon
         reference = np.ascontiguousarray(at.reference(preview))
         self._draw()
-        outputs = at.outputs(state, self._applied, preview)
+        outputs = at.outputs(state, self._previous, preview)
         with np.errstate(over="ignore", invalid="ignore"):
-            costs = self._cost.of(at.sequences, self._applied, outputs, reference)
+            costs = self._cost.of(at.sequences, self._previous, outputs, reference)
             costs[~np.isfinite(costs)] = np.inf
             least = costs.min()
             if not least < np.inf:
@@ -56,9 +56,9 @@ class PathIntegralController(SequenceController):
         solution = np.einsum("s,sbc->bc", weights, at.sequences)
         last = outputs[weights > 0.0, -reference.shape[1] :]
         error = float(np.hypot.reduce(reference[-1] - weights[weights > 0.0] @ last, initial=0.0))
-        control = at.first_period(solution, self._applied)
+        control = at.first_period(solution, self._previous)
         at_limit = (control == at.limits[0]) | (control == at.limits[1])
-        self._applied = control
+        self._previous = control
         self._sequence = at.one_period_on(solution)
         telemetry = np.array([error, least, 1.0 / float(weights @ weights)])
         return Decision(control.copy(), telemetry, Status.SATURATED if at_limit.any() else Status.SOLVED)
@@ -69,7 +69,7 @@ class PathIntegralController(SequenceController):
         minimum, maximum, change = at.limits
         drawn = self._deviation * self._generator.standard_normal(at.sequences.shape)
         drawn[0] = 0.0
-        before = np.broadcast_to(self._applied, drawn[:, 0].shape)
+        before = np.broadcast_to(self._previous, drawn[:, 0].shape)
         allowed = change * at.block_periods
         for b in range(at.blocks):
             wanted = self._sequence[b] + drawn[:, b]
