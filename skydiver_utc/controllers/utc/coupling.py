@@ -37,7 +37,7 @@ class CouplingSchedule:
         self._row = names.index("Cm_damp_yaw")
         self._columns = [names.index(name) for name in ("k_right", "k_left", "alpha")]
         self._sizes = np.array([settings.k_right, settings.k_left, settings.alpha])
-        self._k_hyst = settings.hysteresis_steps(dt_s)
+        self._k_hyst = round(settings.k_hyst_s / dt_s)
         self._full_change = settings.full_acceleration * dt_s
         # A run needs few of them again and again: eq:s14 flips its sign each step while the turn speeds up.
         self._scaled = lru_cache(maxsize=16)(lambda *found: Qu_ratio * self._noise(*found))

@@ -40,7 +40,7 @@ class Law(NamedTuple):
     angles: which of the L outputs are angles, whose means and differences are those on the circle
     of_control: the innovation counts from the output of the control itself instead of from the mean output
     offset (L,): what the plant's output is above the model's, as estimated
-    reference, mean output, predicted and innovation (L,), control (m,), Pu (m, m): moved on by each step
+    reference, mean Y, predicted and innovation (L,), control (m,), Pu (m, m): moved on by each step
     repaired_Pu (m, m): Pu without eigenvalues below the floor
     gain (m, L): K; unmoved (per_step,): whether no control moves an output over its range
     alive (2m+1,): 1 for the points that did not diverge, else 0
@@ -48,7 +48,7 @@ class Law(NamedTuple):
     watch (2 + L,): the smallest innovation since the reference last moved, in units of sqrt(P_err), the steps since
         then, and the reference there; patience: after how many of them it counts as not reached
     singly (1,): whether controls are tried one by one, without covariances in Pu and Qu
-    scratch: root and following (m, m), vectors (m+1, m), left (2m+1,), U (m,), Y and at (L,), C_y (L, L); of the R =
+    scratch: root and following (m, m), vectors (m+1, m), left (2m+1,), U (m,), at (L,), C_y (L, L); of the R =
         T l outputs of the roll-out found (1, R), and rest (1, 1)
     """
 
@@ -56,7 +56,6 @@ class Law(NamedTuple):
     points: Array
     of_roll_out: Array
     weights: Array
-    W0: float
     floor: float
     kept_share: float
     limits: Array
@@ -72,7 +71,6 @@ class Law(NamedTuple):
     saved: Array
     offset: Array
     reference: Array
-    mean: Array
     predicted: Array
     innovation: Array
     control: Array
@@ -132,7 +130,7 @@ def draw(state: Array, preview: Array, law: Law, out: Array) -> None:
     for a in range(m):
         for b in range(m):
             root[a, b] *= law.spread[0]
-    spread(control, root, law.W0, points)
+    spread(control, root, law.weights[0], points)
     for i in range(points.shape[0]):
         for c in range(m):
             value, low, high = points[i, c], limits[0, c], limits[1, c]
@@ -196,7 +194,6 @@ def update(state: Array, preview: Array, law: Law, out: Array) -> None:
         for k in range(L):
             at[k] += outputs[0, k]
     for k in range(L):
-        law.mean[k] = Y[k] + law.offset[k]
         at[k] += law.offset[k]
         e[k] = reference[k] - at[k]
     for t in range(law.angles.shape[0]):

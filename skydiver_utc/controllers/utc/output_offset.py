@@ -48,19 +48,14 @@ class OutputOffset:
         self.past.append((state.copy(), control.copy()))
 
     def _difference(self, state: Array) -> Array:
-        states, controls = zip(*self.past, strict=True)
-        model, x, found = self._plant.bound_model, states[0].copy(), []
-        measured = [*states, state]
-        for j, control in enumerate(controls):
-            model.step(x, control, x)
-            if j + 1 in self._steps:
-                found.append(self._outputs(measured[j + 1]) - self._outputs(x))
-        return self._wrapped(np.concatenate(found))
-
-    def _outputs(self, state: Array) -> Array:
-        y = np.empty(len(self._plant.output_names))
-        self._plant.bound_model.outputs(state, y)
-        return y[self._of.selected]
+        x, predicted = self.past[0][0].copy(), []
+        for _, control in self.past:
+            self._plant.bound_model.step(x, control, x)
+            predicted.append(x.copy())
+        measured = [*(at for at, _ in self.past), state][1:]
+        both = np.array([measured, predicted])[:, np.array(self._steps) - 1]
+        outputs = self._plant.outputs(both)[..., self._of.selected]
+        return self._wrapped((outputs[0] - outputs[1]).ravel())
 
     def _wrapped(self, difference: Array) -> Array:
         return self._of.differences(difference, np.arange(self._size))

@@ -2,7 +2,7 @@
 """Settings of the Unscented Transform Controller: arguments of the class, block of a scenario, ROS parameters."""
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -70,10 +70,6 @@ class Coupling(Parameters):
             "rad/s^2", "largest acceleration of the reference ahead at which the row is full; 0: always", ge=0
         ),
     ] = 0.0
-
-    def hysteresis_steps(self, dt_s: float) -> int:
-        """k_hyst_s in steps."""
-        return round(self.k_hyst_s / dt_s)
 
 
 class ProportionalDynamics(Parameters):
@@ -199,16 +195,14 @@ class UtcSettings(SlotSettings):
         ahead = self.at_step(dt_s).steps[-1] + (
             0 if self.dynamics is None else round(self.dynamics.tau_s / dt_s)
         )
-        return ahead if self.coupling is None else max(ahead, self.coupling.hysteresis_steps(dt_s) + 1)
+        return ahead if self.coupling is None else max(ahead, round(self.coupling.k_hyst_s / dt_s) + 1)
 
 
-def _scaled(given: Covariance, factor: float) -> Covariance:
+def _scaled(given: Covariance, factor: float) -> Any:
     """A covariance times a factor, in the form given."""
     if isinstance(given, Mapping):
         return {name: factor * value for name, value in given.items()}
-    if isinstance(given, tuple):
-        return tuple(_scaled(item, factor) for item in given)  # type: ignore[return-value]
-    return factor * given
+    return (factor * np.array(given)).tolist()
 
 
 def matrix(name: str, given: Covariance, names: tuple[str, ...]) -> Array:

@@ -20,7 +20,7 @@ from skydiver_utc.controllers.utc.tunable import Tunable, of_shape
 from skydiver_utc.parameters.conversion import checked
 from skydiver_utc.plants.function import FunctionPlant, numbers
 
-# How fast a control goes to its value after the reference, as a share of its rate limit, so that nothing jerks.
+# How fast a control goes, without feedback, to its value after the reference, as a share of its rate limit.
 _SHARE_OF_RATE_AFTER_REFERENCE = 0.1
 _STATUS, _KEPT_PREVIOUS = tuple(Status), int(Status.KEPT_PREVIOUS)
 
@@ -112,7 +112,7 @@ class UnscentedTransformController(Tunable):
             innovation=law.innovation[columns],
             unit=np.sqrt(law.P_err.diagonal()[columns]),
             of_control=outputs[0] + law.offset[columns],
-            mean_output=law.mean[columns],
+            mean_output=(law.Y + law.offset)[columns],
             sigma_points=points,
             outputs=outputs,
             gain=law.gain[:, columns],
@@ -193,7 +193,9 @@ class UnscentedTransformController(Tunable):
         if self.settings.after_reference:
             self._moved = self._moved or bool(preview[0].any())
             if self._moved and not preview.any():
-                self._hold_after_reference()
+                rate = _SHARE_OF_RATE_AFTER_REFERENCE * self._limits[2]
+                wanted, control = np.clip(self._after, self._limits[0], self._limits[1]), self._law.control
+                control[:] = np.clip(wanted, control - rate, control + rate)
                 self._write(Status.SOLVED)
                 return
         if not self._started:
@@ -229,12 +231,6 @@ class UnscentedTransformController(Tunable):
         return (
             self._initial_Pu if self._coupling is None else self._coupling.initial_covariance(preview[:, 0])
         )
-
-    def _hold_after_reference(self) -> None:
-        """Move to the controls after the reference, at a share of their rate limit; no feedback."""
-        rate = _SHARE_OF_RATE_AFTER_REFERENCE * self._limits[2]
-        wanted = np.clip(self._after, self._limits[0], self._limits[1])
-        self._law.control[:] = np.clip(wanted, self._law.control - rate, self._law.control + rate)
 
     def _checked(self, state: ArrayLike, reference: ArrayLike) -> tuple[Array, Array]:
         """State (n,) and preview (preview_steps + 1, l); raises ValueError for other shapes and what is no number."""
