@@ -10,7 +10,7 @@ sequence before, is the real-time iteration (Diehl, Bock, Schloeder, SIAM J. Con
 import numpy as np
 
 from skydiver_utc.arrays import Array
-from skydiver_utc.controllers.horizon import HorizonCost, SequenceController
+from skydiver_utc.controllers.horizon import SequenceController
 from skydiver_utc.controllers.protocol import Decision, Status
 from skydiver_utc.controllers.settings import GaussNewtonSettings
 from skydiver_utc.plants.protocol import Plant
@@ -33,26 +33,28 @@ class GaussNewtonController(SequenceController):
         dt_s: float,
         seed: int = 0,
     ) -> None:
-        m = len(plant.control_names)
-        n = settings.blocks * m
+        m, blocks = len(plant.control_names), settings.blocks
+        n = blocks * m
         super().__init__(settings, plant, outputs, n + 1)
         self._iterations = settings.iterations
-        self._horizon.begin[1:] = np.repeat(np.arange(settings.blocks), m) * self._horizon.hold
+        self._horizon.begin[1:] = np.repeat(np.arange(blocks), m) * self._horizon.hold
         minimum, maximum, change = self._horizon.limits
-        self._differences = np.tile(_DIFFERENCE * (maximum - minimum), settings.blocks)
+        self._differences = np.tile(_DIFFERENCE * (maximum - minimum), blocks)
         # Rows of the program: bounds of the entries, then changes between neighbouring blocks of what has a rate.
         moving = np.flatnonzero(np.isfinite(change))
-        later = (m * np.arange(1, settings.blocks)[:, None] + moving).ravel()
-        self._rows = np.zeros((len(later), n))
-        self._rows[range(len(later)), later] = 1.0
-        self._rows[range(len(later)), later - m] = -1.0
-        allowed = np.tile(change[moving] * self._horizon.block_periods, settings.blocks - 1)
-        self._lower = np.concatenate([np.tile(minimum, settings.blocks), -allowed])
-        self._upper = np.concatenate([np.tile(maximum, settings.blocks), allowed])
+        changes = np.eye(n + m, n) - np.eye(n + m, n, k=-m)
+        self._rows = changes[(m * np.arange(1, blocks)[:, None] + moving).ravel()]
+        allowed = np.tile(change[moving] * self._horizon.block_periods, blocks - 1)
+        self._lower = np.concatenate([np.tile(minimum, blocks), -allowed])
+        self._upper = np.concatenate([np.tile(maximum, blocks), allowed])
         self._points = self._horizon.sequences.reshape(n + 1, n)
         self._moved = np.einsum("ii->i", self._points[1:])  # a view of the entry that each sequence changes
         # The cost of controls and changes in the program: in H, and in g.
-        self._curvature, self._pull, self._change = _of_controls(self._cost, settings.blocks)
+        control, self._change = self._cost.control / blocks, self._cost.change / blocks
+        of_changes = changes.T * np.tile(self._change, blocks + 1) @ changes
+        self._curvature = np.diag(np.tile(control, blocks)) + of_changes
+        self._curvature[-m:, -m:] -= np.diag(self._change)  # nothing changes after the last block
+        self._pull = np.tile(control * self._cost.nominal, blocks)
         self.reset()
 
     def decide(self, state: Array, preview: Array) -> Decision:
@@ -113,16 +115,3 @@ class GaussNewtonController(SequenceController):
         first = found[:m]
         limited = (first <= lower[:m] + _TOLERANCE) | (first >= upper[:m] - _TOLERANCE)
         return solution, bool(limited.any()), int(details["iterations"])
-
-
-def _of_controls(cost: HorizonCost, blocks: int) -> tuple[Array, Array, Array]:
-    """The cost of controls in H (n, n) and g (n,), and of the first change, by the applied control, in g (m,)."""
-    m, control, change = len(cost.nominal), cost.control / blocks, cost.change / blocks
-    diagonal = np.tile(control + 2.0 * change, blocks)
-    diagonal[-m:] -= change
-    of_neighbours = np.diag(np.tile(change, blocks - 1), m)
-    return (
-        np.diag(diagonal) - of_neighbours - of_neighbours.T,
-        np.tile(control * cost.nominal, blocks),
-        change,
-    )

@@ -191,7 +191,7 @@ class RollOut:
             np.empty((steps[-1] + 1, n)),
             np.empty((steps[-1] + 1, m)),
         )
-        self._compiled = self._addresses(model.state_size)
+        self._compiled = self._addresses()
         self._run: Callable[[Array, Array, Array], None] | None = None
 
     def __call__(self, state: Array, applied: Array, preview: Array) -> None:
@@ -248,14 +248,13 @@ class RollOut:
 
         return run
 
-    def _addresses(self, state_size: int) -> tuple[InMemory, Setup] | None:
+    def _addresses(self) -> tuple[InMemory, Setup] | None:
         """The model's numbers in memory, and the setup with addresses of compiled functions, if all are jitted."""
         at = self._setup
         functions = [at.step, at.outputs_of] + ([] if at.dynamics is None else [at.dynamics])
         if not all(map(is_jitted, functions)):
             return None
-        state, control, y = np.empty(state_size), np.empty(at.limits.shape[1]), at.y
-        where = 0
+        state, control, y, where = at.x, at.control, at.y, 0
         if at.dynamics is not None:
             example = (self.points[0], control, state, y, y, np.empty((1, 1)), 0, at.numbers, control)
             where = _compiled(at.dynamics, *example)
