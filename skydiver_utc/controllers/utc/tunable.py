@@ -3,6 +3,7 @@
 
 from collections.abc import Callable
 from copy import copy
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ class Tunable:
         dynamics: Callable[..., Any] | None = None,
     ) -> None:
         outputs = outputs or plant.output_names
-        self._made_of = settings, plant, outputs, dynamics
+        self._made = partial(type(self), settings=settings, plant=plant, outputs=outputs, dynamics=dynamics)
         of_step, controls = settings.at_step(plant.dt_s), plant.control_names
         # Read by users, and refused when they set them.
         vars(self).update(
@@ -194,13 +195,13 @@ class Tunable:
 
     @dt.setter
     def dt(self, value: float) -> None:
-        settings, plant, outputs, dynamics = self._made_of
-        other = copy(plant)
+        settings, plant, other = self.settings, self.plant, copy(self.plant)
         other.model, other.dt_s = plant.model_of_step(value), float(value)
         share = other.dt_s / plant.dt_s
         if len(settings.at_step(other.dt_s).steps) != len(settings.at_step(plant.dt_s).steps):
             raise ValueError(f"dt = {value:g}: two steps of the horizon would be one; choose a smaller dt")
-        made = _remembered(type(self), (settings, other, outputs, dynamics), self._memory())
+        made = self._made(plant=other)
+        made.__setstate__(self.__getstate__())
         made._limits[2] *= share
         if settings.tuned_at_dt_s is not None:
             made._Qu *= share
@@ -216,13 +217,13 @@ class Tunable:
         super().__setattr__(name, value)
 
     def __reduce__(self) -> Any:
-        return _remembered, (type(self), self._made_of, self._memory())
+        return self._made, (), self.__getstate__()
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         """A copy that goes on by itself; the plant, which keeps no state, is shared."""
-        return _remembered(type(self), self._made_of, self._memory())
+        return copy(self)
 
-    def _memory(self) -> tuple[Any, ...]:
+    def __getstate__(self) -> tuple[Any, ...]:
         """All that a step changes or a user has set, as copies."""
         return (
             [array.copy() for array in self._changing],
@@ -231,7 +232,7 @@ class Tunable:
             None if self._offset is None else list(self._offset.past),
         )
 
-    def _remember(self, memory: tuple[Any, ...]) -> None:
+    def __setstate__(self, memory: tuple[Any, ...]) -> None:
         arrays, (self._started, self._moved, self._outputs.not_known), of_coupling, past = memory
         for array, value in zip(self._changing, arrays, strict=True):
             array[:] = value
@@ -258,14 +259,6 @@ class Tunable:
                     self._roll(x, ahead, share)
                     self._outputs.derive_error(law.of_roll_out, share)
         law.control[:], law.Pu[:] = kept
-
-
-def _remembered(kind: Any, made_of: tuple[Any, ...], memory: tuple[Any, ...]) -> Any:
-    """A controller made of settings, plant, outputs and dynamics, that goes on from a memory."""
-    settings, plant, outputs, dynamics = made_of
-    made = kind(settings, plant, outputs, dynamics=dynamics)
-    made._remember(memory)
-    return made
 
 
 def of_shape(name: str, values: Array, shape: tuple[int, ...]) -> Array:
