@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From settings to the numbers and functions that UTC works with."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.limits import by_name
 from skydiver_utc.controllers.roll_out import Dynamics, RollOut
-from skydiver_utc.controllers.utc.dynamics import incremental, user_dynamics
+from skydiver_utc.controllers.utc.dynamics import incremental
 from skydiver_utc.controllers.utc.horizon_outputs import HorizonOutputs
 from skydiver_utc.controllers.utc.law import Law
 from skydiver_utc.controllers.utc.settings import UtcSettings, matrix
@@ -25,7 +25,7 @@ _LARGEST_RANGE = 1e50
 def controls_of(block: str, given: Mapping[str, float], plant: Plant) -> Array:
     """Controls (m,) of a block of the settings, the initial ones where it names none. Raises ValueError."""
     values = by_name(block, given, plant, plant.initial_control())
-    for c in np.flatnonzero((values < plant.minimum) | (values > plant.maximum)):
+    for c in np.flatnonzero(~((plant.minimum <= values) & (values <= plant.maximum))):
         raise ValueError(
             f"{block}.{plant.control_names[c]} is {values[c]:g}, outside the limits {plant.minimum[c]:g} .."
             f" {plant.maximum[c]:g} of the control: change one"
@@ -47,25 +47,6 @@ def initial_covariance(settings: UtcSettings, limits: Array, controls: tuple[str
         raise ValueError("Pu is needed: the range of a control is infinite, or too large to take it from")
     # A control whose bounds are equal never moves: any variance does.
     return np.diag((0.1 * np.where(spans > 0.0, spans, 1.0)) ** 2)
-
-
-def dynamics_of(
-    settings: UtcSettings, plant: Plant, outputs: tuple[str, ...], own: Callable[..., Any] | None
-) -> Dynamics | None:
-    """The change of a sigma point's control inside the horizon. Raises ValueError."""
-    if own is not None:
-        preview = np.zeros((settings.preview_steps(plant.dt_s) + 1, len(outputs)))
-        return user_dynamics(own, plant, preview)
-    if settings.dynamics is None:
-        return None
-    d = settings.dynamics
-    if d.control not in plant.control_names:
-        raise ValueError(
-            f"dynamics.control: there is no {d.control}, the plant has {', '.join(plant.control_names)}"
-        )
-    tau = round(d.tau_s / plant.dt_s)
-    at = plant.control_names.index(d.control), plant.output_names.index(outputs[0])
-    return Dynamics(incremental, np.array([*at, d.K_p, d.K_FF, tau], dtype=float), True)
 
 
 def law_of(

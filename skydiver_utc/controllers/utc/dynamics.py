@@ -8,6 +8,7 @@ import numpy as np
 
 from skydiver_utc.arrays import Array
 from skydiver_utc.controllers.roll_out import Dynamics
+from skydiver_utc.controllers.utc.settings import UtcSettings
 from skydiver_utc.jit import program
 from skydiver_utc.plants.function import in_form, tried
 from skydiver_utc.plants.protocol import Plant
@@ -66,18 +67,31 @@ def of_user(
         out[a] = wanted[a]
 
 
-def user_dynamics(given: Callable[..., Any], plant: Plant, preview: Array) -> Dynamics:
-    """The user's control dynamics in the form of the roll-out; jitted if the plant is. Raises ValueError.
+def dynamics_of(
+    settings: UtcSettings, plant: Plant, outputs: tuple[str, ...], own: Callable[..., Any] | None
+) -> Dynamics | None:
+    """The change of a sigma point's control inside the horizon, None if it is held. Raises ValueError.
 
-    preview (N+1, l): argument of a first call, which checks the result's shape
+    own: the user's function, which is jitted if the plant is
     """
-    name = "dynamics"
-    if not callable(given):
+    if own is not None:
+        name, control = "dynamics", plant.initial_control()
+        if not callable(own):
+            raise ValueError(
+                f"{name} must be a function (point, control, state, preview, j) -> control, not {own!r}."
+            )
+        preview = np.zeros((settings.preview_steps(plant.dt_s) + 1, len(outputs)))
+        shape = tried(name, own, control.copy(), control.copy(), plant.initial_state(), preview, 0).shape
+        if shape != control.shape:
+            raise ValueError(f"{name} returns shape {shape} for a control of shape {control.shape}.")
+        return Dynamics(in_form(of_user, own, plant.model.step, name), np.empty(0), False)
+    if settings.dynamics is None:
+        return None
+    d = settings.dynamics
+    if d.control not in plant.control_names:
         raise ValueError(
-            f"{name} must be a function (point, control, state, preview, j) -> control, not {given!r}."
+            f"dynamics.control: there is no {d.control}, the plant has {', '.join(plant.control_names)}"
         )
-    control = plant.initial_control()
-    shape = tried(name, given, control.copy(), control.copy(), plant.initial_state(), preview, 0).shape
-    if shape != control.shape:
-        raise ValueError(f"{name} returns shape {shape} for a control of shape {control.shape}.")
-    return Dynamics(in_form(of_user, given, plant.model.step, name), np.empty(0), False)
+    tau = round(d.tau_s / plant.dt_s)
+    at = plant.control_names.index(d.control), plant.output_names.index(outputs[0])
+    return Dynamics(incremental, np.array([*at, d.K_p, d.K_FF, tau], dtype=float), True)

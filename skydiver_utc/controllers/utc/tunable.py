@@ -15,12 +15,12 @@ from skydiver_utc.controllers.limits import limits_of
 from skydiver_utc.controllers.protocol import DIVERGED_POINTS
 from skydiver_utc.controllers.utc.construction import (
     controls_of,
-    dynamics_of,
     initial_covariance,
     law_of,
     plain,
 )
 from skydiver_utc.controllers.utc.coupling import CouplingSchedule
+from skydiver_utc.controllers.utc.dynamics import dynamics_of
 from skydiver_utc.controllers.utc.horizon_outputs import HorizonOutputs
 from skydiver_utc.controllers.utc.law import draw, update
 from skydiver_utc.controllers.utc.output_offset import OutputOffset
