@@ -164,6 +164,22 @@ def test_the_first_and_the_last_step_are_those_that_every_topic_has(bag: Write) 
     assert [metrics(back)[key] for key in ("wall_time_s", "simulated_time_s")] == [None, 2.4]
 
 
+@pytest.mark.parametrize(
+    "last",
+    [
+        {"state": 52, "command": 51, "applied_command": 47},
+        {"state": 52, "command": 47, "applied_command": 51},
+        {"state": 48, "command": 52, "applied_command": 52},
+    ],
+)
+def test_a_recording_without_an_outcome_ends_at_its_shortest_topic(bag: Write, last: dict[str, int]) -> None:
+    def end(messages: list[Message]) -> list[Message]:
+        return [m for m in messages if m[2] <= last.get(m[0], 99)]
+
+    back = read_run(bag(a_run(), without("outcome"), end))
+    assert (len(back.states), len(back.commands), len(back.applied)) == (49, 48, 48)
+
+
 def test_a_run_without_any_command_has_one_state(bag: Write) -> None:
     run = a_run(steps=0, outcome=Outcome.NO_COMMAND, reason="no usable command came")
     back = read_run(bag(run))

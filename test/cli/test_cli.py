@@ -194,6 +194,15 @@ def test_the_exit_code_is_that_of_the_end(monkeypatch: pytest.MonkeyPatch, ended
     assert (result.exit_code, json.loads(result.stdout)["outcome"]) == (code, ended.value)
 
 
+def test_an_interrupted_command_has_its_own_exit_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("skydiver_utc.loop.closed_loop.simulate", interrupted)
+    result = call("simulate", SCENARIO)
+    assert (result.exit_code, "Traceback" in result.stderr) == (130, False)
+
+
 def test_analyse_makes_metrics_figure_and_report_from_the_bag_alone(tmp_path: Path) -> None:
     run = random_run(cart())
     folder = write_run(tmp_path / "run", run, run_id="7")

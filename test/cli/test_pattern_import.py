@@ -55,6 +55,7 @@ def measured(path):
 def test_the_path_meets_every_measured_posture_and_the_scenario_flies_it(tmp_path):
     """Within the tolerance and what the command says; in flight, at its time and within a step of the fastest joint."""
     (tmp_path / "arms.yaml").touch()
+    assert "--force" in refused("pattern", "import", ARMS, "--out", tmp_path / "arms.yaml")
     printed, scenario = imported(ARMS, tmp_path / "arms.yaml", "--force")
     assert isinstance(scenario.plant.pattern, PosturePath)
     time_s, postures = measured(ARMS)

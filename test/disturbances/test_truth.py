@@ -11,6 +11,7 @@ from skydiver_utc.loop.build import build_plant, build_true_plant, model_beside
 from skydiver_utc.loop.closed_loop import simulate
 from skydiver_utc.parameters import ParameterError, from_yaml, load_scenario, override, to_yaml
 from skydiver_utc.plants.protocol import Plant
+from skydiver_utc.plants.skydiver.model import build_model
 from skydiver_utc.plants.skydiver.steady import straight_falls
 
 NAME = "fast_turn_pi_dynamics"
@@ -72,6 +73,8 @@ def test_the_pattern_s_ratio_moves_the_joints_by_as_much(name: str) -> None:
         for plant, alpha in ((usual, 0.0), (usual, 0.4), (weak, 0.4))
     )
     np.testing.assert_allclose(less - rest, 0.8 * (moved - rest), atol=1e-12)
+    weak_settings = load_scenario(name, {"truth.ratios.pattern": 0.8}).true_plant
+    np.testing.assert_array_equal(build_model(weak_settings, 0.01).geometry, weak.constants.geometry)
 
 
 def test_actuators_follow_a_step_with_the_lag_s_time_constant() -> None:

@@ -79,6 +79,16 @@ def test_a_disturbance_repeats_with_its_seed(load):
     assert not np.array_equal(run.states, other.states)
 
 
+def test_the_pendulum_against_scipy(load):
+    start, torque = np.array([0.7, 1.0]), np.array([0.2])
+
+    def derivative(_, x):
+        return [x[1], -9.81 / 0.4 * np.sin(x[0]) - 0.1 * x[1] + 0.2 / (0.5 * 0.4**2)]
+
+    expected = solve_ivp(derivative, (0.0, 0.01), start, rtol=1e-11, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose(build_plant(load("pendulum")).step(start, torque, torque), expected, rtol=1e-7)
+
+
 @pytest.mark.long
 def test_utc_swings_the_pendulum(load):
     run = simulate(load("pendulum"))

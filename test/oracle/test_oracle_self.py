@@ -6,8 +6,13 @@ import itertools
 import aerodynamics as aero
 import numpy as np
 import paper_utc as pu
+import plain_utc
 import pytest
 from scipy.spatial.transform import Rotation
+
+DT = 0.0042
+UNBOUNDED = np.full(4, np.inf)
+SLEW = np.array([np.inf, np.inf, np.inf, 3.5 * DT])
 
 
 def dense_covariance(m, seed):
@@ -65,6 +70,63 @@ def test_s14_depends_on_the_magnitude_only_and_the_reference_sign_comes_after():
     np.testing.assert_array_equal(signed, raw * [1, 1, 1, 1, 1, -1, -1, -1, -1])  # zero at 4 keeps +
 
 
+def yaw_plant(x, u, dt):
+    """A scalar yaw rate: x' = 6 alpha - (5 Cm + .2) x + .3 (k_right - k_left), one Euler step."""
+    return x + dt * (6.0 * u[3] - (5.0 * u[0] + 0.2) * x + 0.3 * (u[1] - u[2]))
+
+
+def problem(steps, low=-UNBOUNDED, high=UNBOUNDED, change=UNBOUNDED, **more):
+    return plain_utc.Problem(
+        yaw_plant, lambda x: x, DT, steps, low, high, change, np.eye(1), 0.25, 0.0, **more
+    )
+
+
+@pytest.mark.parametrize(
+    ("point", "moved"),
+    [
+        # 1.5 (.01) + .5 = .515; mean inside: clipped to 0; 1.5 (5) - 3.5 = 4; 1.5 (1.5) - .85 = 1.4
+        ([-1.0, -3.0, 7.0, 1.7], [0.515, 0.0, 4.0, 1.4]),
+        ([3.0, 6.0, 1.0, -1.9], [3.0, 5.0, 1.0, -1.5]),
+        ([0.5, 0.0, 0.0, 9.0], [0.5, 0.0, 0.0, -1.5]),  # a long excess passes the opposite bound
+    ],
+)
+def test_points_move_off_a_bound_only_where_the_mean_sits_on_it(point, moved):
+    p = problem((1,), np.array(pu.U_MIN), np.array(pu.U_MAX))
+    found = plain_utc.bounded(np.array(point), np.array([0.01, 2.0, 5.0, 1.5]), p)
+    np.testing.assert_allclose(found, moved, rtol=1e-14)
+
+
+def yaw_rates(alphas, x=0.0):
+    """After each step with these alpha, Cm = .5 and k_left - k_right = 1."""
+    for alpha in alphas:
+        x += DT * (6.0 * alpha - 2.7 * x - 0.3)
+        yield x
+
+
+def test_a_held_alpha_ramps_at_the_slew_rate():
+    point = np.array([0.5, 1.0, 2.0, 0.5])
+    of_all = problem((1, 2, 3), np.array(pu.U_MIN), np.array(pu.U_MAX), SLEW)
+    found, saved = plain_utc.to_the_horizon(point, np.array([0.5, 0.0, 0.0, 0.1]), np.zeros(1), None, of_all)
+    np.testing.assert_allclose(found, [*yaw_rates(0.1 + 3.5 * DT * np.arange(1, 4))], rtol=1e-13)
+    np.testing.assert_array_equal(saved, point)
+
+
+@pytest.mark.parametrize("change", [UNBOUNDED, SLEW])
+def test_the_increments_of_alpha_telescope_without_limits_and_count_from_what_the_limits_leave(change):
+    """Five steps from alpha = .2; r = j^2 asks for more than the slew rate lets pass at each."""
+    r, y = np.arange(9.0) ** 2, [1.0]
+    law = pu.alpha_by_the_pose(r, lambda x: float(x[0]), pu.Settings(dt=DT, tau=3, known_dynamics=True))
+    point = np.array([0.5, 0.0, 1.0, 0.2])
+    of_law = problem((1, 2, 3, 4, 5), change=change, dynamics=law)
+    found, saved = plain_utc.to_the_horizon(point, point, np.ones(1), None, of_law)
+    for j in range(1, 6):
+        free = 0.2 + 1.5 * j**2 - 1.5 * (y[j - 1] - 1.0) + 0.1 * (j**2 + 6 * j)
+        alpha = free if change is UNBOUNDED else 0.2 + 3.5 * DT * j
+        assert j > 1 or saved[3] == pytest.approx(alpha, rel=1e-12)
+        y += yaw_rates([alpha], y[-1])
+    np.testing.assert_allclose(found, y[1:], rtol=1e-12)
+
+
 @pytest.mark.parametrize(("m", "outputs"), [(4, 1), (4, 2), (4, 3), (4, 4), (3, 1), (6, 2)])
 @pytest.mark.parametrize("noise", [1.0, 1e-4])
 def test_an_unbounded_linear_step_is_the_closed_form(m, outputs, noise):
@@ -79,7 +141,7 @@ def test_an_unbounded_linear_step_is_the_closed_form(m, outputs, noise):
     C_y = B @ Pu @ B.T + R
     gain = Pu @ B.T @ np.linalg.inv(C_y)
     expected = U + gain @ (r - B @ U)
-    assert np.abs(step.U - expected).max() <= 1e-11 * max(1.0, np.abs(expected).max())
+    assert np.abs(step.U - expected).max() <= 1e-12 * max(1.0, np.abs(expected).max())
     assert np.abs(step.U - U).max() > 1e-3
     np.testing.assert_allclose(step.Pu, Pu + Qu - gain @ C_y @ gain.T, atol=1e-10)
 

@@ -124,6 +124,7 @@ HALF = {"left_hip": [0.6, 0.0, 0.0]}
         ({"plant.limits.alpha": None}, ["plant.limits.alpha", "a list", "found None"]),
         ({"plant.limits.alpha": [-100, 100]}, ["plant.limits.alpha.0", "plant.limits.alpha.1"]),
         ({"plant.limits": 1.0}, ["plant.limits", "a block"]),
+        ({"plant.subject": "ligth"}, ["did you mean light"]),
         ({"plant": "skydiver"}, ["plant", "a block", "'skydiver'"]),
         ({"plant.initial.alpha": 2.0}, ["initial.alpha", "limits"]),
         ({"plant.initial.bank_deg.x": 2.0}, ["plant.initial.bank_deg", "number"]),

@@ -191,6 +191,13 @@ def test_a_damaged_chunk_is_left_out_and_its_times_are_reported(
     assert recovered(tmp_path / "recovered") == ROWS[:before] + ROWS[chunk.count :]
 
 
+def test_a_record_of_a_writer_s_own_is_no_loss(whole: Path, tmp_path: Path) -> None:
+    end, data = chunks(whole)[3].end, whole.read_bytes()
+    own = b"\xff" + (5).to_bytes(8, "little") + b"12345"
+    found = survey(put(tmp_path / "run_0.mcap", data[:end] + own + data[end:]))
+    assert (found.message_count, found.losses, found.lost_messages) == (MESSAGES, [], 0)
+
+
 @pytest.mark.parametrize("extra", [1, 9, 100])
 def test_the_bytes_after_the_last_whole_record_are_counted(whole: Path, tmp_path: Path, extra: int) -> None:
     """A file cut within a chunk, or within the nine bytes before it."""

@@ -123,11 +123,12 @@ from pathlib import Path
 sys.path[:0] = {path!r}
 from bags import STRING, text_message
 from skydiver_utc.recording.writer import BagWriter
-bag = BagWriter(Path({folder!r}), flush_interval_s=0.1)
+bag = BagWriter(Path({folder!r}))
 channel = bag.add_topic("/text", *STRING, "")
 for k in range(50):
     bag.write(channel, text_message(str(k)), k, k)
-while bag.waiting_bytes:
+deadline = time.monotonic() + 3.0
+while bag.waiting_bytes and time.monotonic() < deadline:
     time.sleep(0.01)
 os.kill(os.getpid(), signal.SIGKILL)
 """

@@ -30,3 +30,9 @@ def test_the_largest_yaw_acceleration_against_a_search(yaw_rate: float) -> None:
         reachability.bodies_at_the_bounds(SCENARIO), fall.velocity, rates
     ).max()
     assert largest == pytest.approx(found, rel=2e-3)
+
+
+def test_a_slow_turn_asks_for_little_and_a_turn_nobody_flies_for_too_much() -> None:
+    shares = reachability.of_sines(SCENARIO, (100, 400), (0.05, 0.3))
+    assert shares[0, 0] < 0.1
+    assert shares[1, 1] > 1.0

@@ -148,6 +148,12 @@ def test_results_do_not_depend_on_the_number_of_processes() -> None:
     assert list(together) == list(scenarios)
     assert alone == together
     assert len({one.rmse_deg_s for one in alone.values()}) == 3
+    with pytest.raises(ZeroDivisionError):
+        run_all(scenarios, refuse, 2, seen.append)
+
+
+def refuse(_flight: object) -> None:
+    raise ZeroDivisionError
 
 
 class TestShippedPage:

@@ -119,11 +119,12 @@ def test_a_recording_without_a_clock_gets_one(ros: Ros, tmp_path: Path) -> None:
     [
         (INSTALLED, {"topics": ["/other"]}, "/other"),
         (INSTALLED, {"rate": float("nan")}, "rate"),
+        (INSTALLED, {"rate": 0.0}, "rate"),
         (INSTALLED, {"rat": 5.0}, "rat"),
         (("own_msgs/msg/Text", "string data\n", ""), {}, "own_msgs/msg/Text"),
         (("std_msgs/msg/String", "string data\n", "RIHS01_0"), {}, "std_msgs/msg/String"),
     ],
-    ids=["no such topic", "no number", "no such parameter", "not installed", "another definition"],
+    ids=["no such topic", "no number", "no rate", "no such parameter", "not installed", "another definition"],
 )
 def test_what_cannot_be_played_is_named(
     ros: Ros, tmp_path: Path, schema: tuple[str, str, str], parameters: dict[str, object], word: str

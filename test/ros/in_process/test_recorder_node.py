@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recorder_stage import Stage
+from recorder_stage import NEEDED, Stage
 from ros_fixtures import Ros, overrides
 from std_msgs.msg import String
 
 from bags import metadata_of, stored
 from skydiver_utc.messages import outcome_text
 from skydiver_utc.nodes import topics
-from skydiver_utc.nodes.topics import RECORDED
+from skydiver_utc.nodes.topics import RECORDED, Topic
 from skydiver_utc.parameters import load_scenario
 
 pytest_plugins = ("ros_fixtures",)
@@ -91,6 +91,18 @@ def test_a_vehicle_has_its_own_time(stage: Stage) -> None:
         stage.ros.spin_until(lambda: stage.node.newest_step() > 0)
     assert [message.log_time for message in stage.recorded()] == [now_ns + 4_000_000 * i for i in range(3)]
     assert stage.node.refusals.counts == {}
+
+
+@pytest.mark.parametrize("last", NEEDED, ids=lambda topic: topic.name)
+def test_it_is_not_ready_while_one_needed_topic_is_missing(stage: Stage, last: Topic) -> None:
+    for topic in NEEDED:
+        if topic is not last:
+            stage.others.publisher(topic)
+    stage.ros.spin_until(lambda: stage.node.missing().endswith(f" of {last.name}"))
+    stage.ros.spin_for(0.1)
+    assert stage.ready == []
+    stage.others.publisher(last)
+    stage.ros.spin_until(lambda: stage.ready)
 
 
 def test_a_clock_that_is_set_back_changes_nothing(

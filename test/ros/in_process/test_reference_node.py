@@ -101,6 +101,13 @@ def test_the_chunk_is_that_of_the_clock_which_may_repeat_itself_or_begin_again(s
     stage.ros.spin_until(lambda: stage.first_steps() == [0, 20, 20, 0])
 
 
+def test_a_clock_off_the_grid_is_counted(stage: Stage) -> None:
+    message = topics.CLOCK.type()
+    message.clock.sec = 5
+    stage.clocks.publish(message)
+    stage.ros.spin_until(lambda: stage.node.refusals.counts == {"stamp": 1})
+
+
 def stick_message(value: float) -> Any:
     message = topics.STICK.type()
     message.twist.linear.x = value
