@@ -77,10 +77,7 @@ def test_a_recording_of_the_rest_starts_where_it_begins() -> None:
 
 @pytest.mark.parametrize("name", odd_runs())
 def test_every_run_can_be_drawn(name: str) -> None:
-    figure = tracking_figure(odd_runs()[name])
-    assert figure.axes
-    if name in ("no step", "huge", "not a number"):  # whose axes could have no length or no end
-        assert imread(BytesIO(png(figure))).shape[1] == 1200
+    assert imread(BytesIO(png(tracking_figure(odd_runs()[name])))).shape[1] == 1200
 
 
 def test_equal_runs_give_equal_files_whatever_the_user_has_set() -> None:

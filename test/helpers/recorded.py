@@ -82,7 +82,8 @@ def assert_complete(bag: Bag) -> None:
 def assert_equals_simulation(bag: Bag) -> None:
     """The run is complete and the simulated one, bit for bit."""
     assert_complete(bag)
-    run = simulate(bag.scenario)
+    run, outcome = simulate(bag.scenario), bag.outcome()
+    assert (outcome["outcome"], outcome["states"]) == (run.outcome.value, len(run.states))
     assert bag.states().tobytes() == run.states.tobytes()
     assert bag.named(topics.COMMAND).tobytes() == run.commands.tobytes()
     assert bag.named(topics.APPLIED_COMMAND).tobytes() == run.applied.tobytes()

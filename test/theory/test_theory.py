@@ -94,7 +94,7 @@ def test_the_gain_settles_although_an_unseen_covariance_grows(m, outputs):
     np.testing.assert_allclose(Pu - before, steady.growth, rtol=1e-5, atol=1e-7)
     assert np.linalg.matrix_rank(steady.growth, tol=1e-8) == max(m - outputs, 0)
     start = steady.covariance + 2.0 * steady.growth
-    np.testing.assert_allclose(gain(start, H, P_err), steady.K, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(gain(start, H, P_err), steady.K, rtol=1e-9, atol=1e-12)
     following = next_covariance(start, H, P_err, Qu)
     np.testing.assert_allclose(following - start, steady.growth, rtol=1e-8, atol=1e-10)
     memory = np.sort(np.linalg.eigvals(np.eye(m) - steady.K @ H).real)[: min(m, outputs)]

@@ -145,9 +145,10 @@ def test_messages_that_cannot_be_used_are_counted_and_the_next_state_answered(st
         stage.states.publish(message)
     scenarios = stage.partner.publisher(topics.SCENARIO)
     stage.ros.spin_until(scenarios.get_subscription_count)
-    for text in ("", "plant: {", CART.replace("cart", "other").replace("own_slots:Cart", "nowhere:Cart")):
+    unusable = "", "plant: {", CART.replace("cart", "other").replace("own_slots:Cart", "nowhere:Cart")
+    for count, text in enumerate(unusable, 1):  # of waiting ones the newest counts
         scenarios.publish(topics.SCENARIO.type(data=text))
-        stage.ros.spin_for(0.02)  # the newest one counts
+        stage.ros.spin_until(lambda count=count: stage.node.refusals.counts["scenario"] == count)
     counts = dict.fromkeys(bad, 1) | {"scenario": 3}
     stage.ros.spin_until(lambda: stage.node.refusals.counts == counts)
     stage.send(0)

@@ -24,14 +24,15 @@ def stop() -> Iterator[StopRequest]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("further", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("runs", [False, True])
 def test_a_signal_interrupts_the_start_is_noted_once_the_node_runs_and_a_further_one_does_nothing(
-    stop: StopRequest, number: signal.Signals, runs: bool
+    stop: StopRequest, number: signal.Signals, further: signal.Signals, runs: bool
 ) -> None:
     stop.deferred = runs
     with nullcontext() if runs else pytest.raises(KeyboardInterrupt):
         signal.raise_signal(number)
-    signal.raise_signal(signal.SIGINT)
+    signal.raise_signal(further)
     assert stop.requested
 
 
