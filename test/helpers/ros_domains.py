@@ -6,7 +6,6 @@ PYTEST_DONT_REWRITE: tests import names from here before pytest loads it as a pl
 
 import fcntl
 import os
-import re
 import socket
 import tempfile
 from collections.abc import Iterator
@@ -18,7 +17,6 @@ import pytest
 _DOMAINS = 101
 _FIRST_PORT = 7410
 _PORTS_PER_DOMAIN = 250
-_PORT_FILE = re.compile(r"(?:sem\.)?fastrtps_port(\d+)(?:_\w+)?")
 
 
 @contextmanager
@@ -35,18 +33,9 @@ def reserved_domain() -> Iterator[int]:
             except BlockingIOError:
                 continue
             if _port_is_free(_FIRST_PORT + _PORTS_PER_DOMAIN * domain):
-                _remove_shared_memory(domain)
                 yield domain
                 return
     pytest.fail("all ROS domains of this machine are in use")
-
-
-def _remove_shared_memory(domain: int) -> None:
-    """Remove what killed nodes left of a domain's ports: Fast DDS could wait for them."""
-    for file in Path("/dev/shm").glob("*fastrtps_port*"):
-        found = _PORT_FILE.fullmatch(file.name)
-        if found and (int(found[1]) - _FIRST_PORT) // _PORTS_PER_DOMAIN == domain:
-            file.unlink(missing_ok=True)
 
 
 def _port_is_free(port: int) -> bool:
