@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How numba compiles the kernels and programs of `skydiver_utc.jit`: in a third less time than by its defaults.
+"""How numba compiles the kernels and programs of `skydiver_utc.jit`: in less time than by its defaults.
 
 Numba makes machine code of each function that another one calls, too, and optimises each piece of code three times.
 Kernels end up inside programs: here these alone are optimised, once, and become machine code.
