@@ -2,9 +2,11 @@
 """The environment of the nodes of a run."""
 
 import importlib.util
+import os
 import random
 import socket
 from collections.abc import Mapping
+from pathlib import Path
 
 from skydiver_utc.cli.errors import CommandError
 
@@ -13,6 +15,8 @@ _DOMAINS = range(1, 102)
 _LAST_DOMAIN = 232
 _FIRST_DISCOVERY_PORT = 7410
 _PORTS_PER_DOMAIN = 250
+
+_WHEELS_BOOTSTRAP = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 
 
 def require_rclpy() -> None:
@@ -28,7 +32,7 @@ def node_environment(base: Mapping[str, str], domain: str = "") -> dict[str, str
     """The caller's environment; where it does not set them, discovery on this machine, and `domain` or a free one."""
     from skydiver_utc.nodes import discovery
 
-    environment = dict(base)
+    environment = _without_bootstrap(base)
     discovery.prepare(environment)
     domain = environment.get("ROS_DOMAIN_ID") or domain or str(free_domain())
     if not (domain.isascii() and domain.isdigit() and int(domain) <= _LAST_DOMAIN):
@@ -47,3 +51,13 @@ def free_domain() -> int:
                 continue
             return domain
     raise CommandError("there is no free ROS domain on this machine: end some nodes, or set ROS_DOMAIN_ID")
+
+
+def _without_bootstrap(base: Mapping[str, str]) -> dict[str, str]:
+    """Without the variables of rclpy's wheels: with them another Python would load this one's libraries."""
+    environment = dict(base)
+    if environment.pop(_WHEELS_BOOTSTRAP, None):
+        folders = environment.get("LD_LIBRARY_PATH", "").split(os.pathsep)
+        kept = [f for f in folders if f and not (Path(f).name.startswith("ros_") and f.endswith(".libs"))]
+        environment["LD_LIBRARY_PATH"] = os.pathsep.join(kept)
+    return environment
